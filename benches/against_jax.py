@@ -11,8 +11,8 @@ share of JAX's, turn by turn.
 """
 
 import argparse
-import json
 import os
+import re
 import statistics
 import subprocess
 import time
@@ -103,15 +103,15 @@ def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--rounds", type=int, default=5)
     options = options.parse_args()
-    command = ["cargo", "bench", "--quiet", "--bench", "program", "--", "--only", "updates", "--threads", "1", "--runs", "5", "--json"]
+    command = ["cargo", "bench", "--quiet", "--bench", "program", "--", "--only", "updates", "--threads", "1", "--runs", "5"]
     turns, ours, theirs = {}, {}, {}
     for _ in range(options.rounds):
-        measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)["updates"]
-        for times in measured:
-            shape = times["batch"], times["width"]
+        table = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        for rows, width, microseconds in re.findall(r"^(\d+) x (\d+) +([\d.]+) us", table, re.MULTILINE):
+            shape = int(rows), int(width)
             if shape not in turns:
                 turns[shape] = prepare(*shape)
-            ours.setdefault(shape, []).append(times["fused_us"])
+            ours.setdefault(shape, []).append(float(microseconds))
             theirs.setdefault(shape, []).append(statistics.median(turns[shape]() for _ in range(TURNS)))
     print(f"{'update':<12}{'JAX ' + jax.__version__:>14}{'ours':>12}{'ours / JAX':>12}")
     for shape in turns:

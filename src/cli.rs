@@ -1,36 +1,27 @@
 //! The command line.
 
-mod compare;
-mod completions;
-mod experiments;
-mod export;
-mod gym;
 mod maps;
-mod method;
-mod runs;
 mod screen;
-mod tour;
 mod train;
-mod values;
 
 use std::path::PathBuf;
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{Arg, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap_complete::Shell;
 
-use crate::experiment::plot;
+use crate::experiment::{figures, plot, suite};
+use crate::host::maps::MapArgs;
+use crate::host::values::output;
+use gdg::map::BUILTIN;
+use gdg::train::Registry;
 
-pub use compare::CompareArgs;
-pub use completions::completions;
-pub use experiments::{ReproduceArgs, SuiteArgs};
-pub use export::{ExportArgs, ExportPolicyArgs};
-pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand, THRESHOLD};
-pub use method::RunArgs;
-pub use runs::RunsArgs;
-pub use screen::ScreenArgs;
-pub use tour::TourArgs;
+pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
+pub use screen::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
 pub use train::TrainArgs;
-pub use values::EditAt;
+
+/// The program's name on the command line.
+const PROGRAM: &str = "gdg-tui";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -41,7 +32,7 @@ Examples:
   gdg-tui --no-ui my.map --scen my.scen --max-seconds 120 --save a.safetensors
   gdg-tui --resume                           resume the run that was saved last
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
-  gdg-tui runs                               all runs: resume, compare, plot
+  gdg-tui runs                               all runs: resume, compare
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
   gdg-tui compare gdg-bridge gdg             with bridge points and without
@@ -57,19 +48,14 @@ or by the interface; the same signal again exits without saving).";
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true, allow_negative_numbers = true)]
 pub struct Cli {
-    /// Subcommand; trains if there is none.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// Options of a training run.
     #[command(flatten)]
     pub train: TrainArgs,
 }
 
 impl Cli {
-    /// Parses the arguments of the process.
-    ///
-    /// # Errors
-    /// The error, or the requested help, to be printed.
+    /// Parses the arguments of the process; help that is asked for is an error, too.
     pub fn from_arguments() -> Result<Self, clap::Error> {
         // Of all commands: `--margin -1` is a wrong number, not an unknown option.
         let command = Self::command().mut_subcommands(|each| each.allow_negative_numbers(true));
@@ -104,11 +90,11 @@ pub enum Command {
     Compare(CompareArgs),
     /// Train on many maps, with several methods, settings and seeds: a table, and a report with
     /// pictures
-    Suite(SuiteArgs),
+    Suite(suite::Options),
     /// Draw the curves of several runs over their seeds, as a figure for a paper and as a table
     Plot(plot::Options),
     /// Reproduce the paper's figures: data, drawings and a report that compares
-    Reproduce(ReproduceArgs),
+    Reproduce(figures::Options),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
     ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
@@ -118,7 +104,7 @@ pub enum Command {
     Completions {
         /// The shell
         #[arg(value_enum)]
-        shell: clap_complete::Shell,
+        shell: Shell,
     },
     /// Print the manual page
     Man,
@@ -132,8 +118,73 @@ pub enum Command {
         /// Exit with status 3 if a marked goal cannot be reached, or a start is cut off, and say where
         #[arg(long)]
         strict: bool,
-        /// How the map is read.
         #[command(flatten)]
         reading: MapArgs,
     },
+}
+
+/// What is exported, and where to.
+#[derive(Debug, Args)]
+pub struct ExportArgs {
+    /// Checkpoint to read
+    pub checkpoint: PathBuf,
+    /// Output file [default: CHECKPOINT with another extension]
+    #[arg(long, value_name = "FILE", value_parser = output())]
+    pub out: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct ExportPolicyArgs {
+    #[command(flatten)]
+    pub export: ExportArgs,
+    /// Also write what plans need: critics, dynamics model, bridge candidates and edges. The Python
+    /// module gdg_tui then follows bridges as this program does
+    #[arg(long)]
+    pub plans: bool,
+}
+
+/// Returns the script that completes the command line in `shell`.
+pub fn completions(shell: Shell) -> String {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut completed(), PROGRAM, &mut script);
+    let script = String::from_utf8_lossy(&script);
+    match shell {
+        // clap_complete names the function of a program with a hyphen in one way, and refers to its
+        // commands in another.
+        Shell::Bash => {
+            script.replace(&PROGRAM.replace('-', "__subcmd__"), &PROGRAM.replace('-', "__"))
+        }
+        // The first word may also be a file.
+        Shell::Zsh => {
+            let commands = format!("_describe -t commands '{PROGRAM} commands' commands \"$@\"\n");
+            script.replace(&commands, &format!("{commands}    _files\n"))
+        }
+        _ => script.into_owned(),
+    }
+}
+
+/// Returns the command line for completion. Maps and worlds become commands with the options of
+/// training, as scripts accept either a command or a value as the first word, not both.
+fn completed() -> clap::Command {
+    let cli = Cli::command();
+    let options: Vec<Arg> =
+        cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
+    let registry = Registry::builtin();
+    let worlds = registry
+        .worlds()
+        .iter()
+        .filter(|kind| kind.create.is_some())
+        .map(|kind| (kind.name, "world"));
+    let maps = BUILTIN.iter().map(|(name, _)| (*name, "built-in map"));
+    let trained = maps
+        .chain(worlds)
+        .map(|(name, about)| clap::Command::new(name).about(about).args(&options));
+    clap::Command::new(PROGRAM)
+        .args(&options)
+        .subcommands(cli.get_subcommands().cloned())
+        .subcommands(trained)
+        .disable_help_subcommand(true)
 }

@@ -3,39 +3,70 @@
 mod check;
 mod export;
 mod maps;
-mod output;
 pub mod prepare;
 mod runs;
-mod screen;
 mod train;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use clap::CommandFactory;
-use miette::Report;
+use log::LevelFilter;
+use miette::{Report, miette};
 
-use crate::cli::{Cli, Command, ReproduceArgs, SuiteArgs, completions};
+use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
-use crate::host::logging::{self, LogLevel};
+use crate::host::{EXIT_BAD_INPUT, EXIT_FAILURE, logging};
+use gdg::files;
+use gdg::printing::print_text;
+use gdg::text::sanitized_lines;
 use gdg::train::{Registry, reference_page};
-pub use output::{Failure, Outcome};
-use output::{OrFail, print, print_safely};
+
+/// Why a command failed: the error for the user, and the exit status.
+pub struct Failure {
+    pub error: Report,
+    pub status: u8,
+}
+
+/// The exit status of a command.
+pub type Outcome = Result<u8, Failure>;
+
+fn bad_input(error: Report) -> Failure {
+    Failure { error, status: EXIT_BAD_INPUT }
+}
+
+fn failure(error: Report) -> Failure {
+    Failure { error, status: EXIT_FAILURE }
+}
 
 /// Runs a command, with the worlds and learners of `registry`, and returns the exit status.
 pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
-    let text = |made: Result<String, Report>| print_safely(&made.or_bad_input()?);
+    let text = |made: Result<String, Report>| print_safely(&made.map_err(bad_input)?);
     match cli.command {
         None => train::run(&cli.train, registry),
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Settings) => print(&reference_page()),
-        Some(Command::Tour(args)) => screen::tour(&args, registry),
-        Some(Command::Compare(args)) => screen::compare(&args, registry),
-        Some(Command::Suite(args)) => suite(args, registry),
-        Some(Command::Plot(options)) => print_safely(&plot::run(&options).or_bad_input()?),
-        Some(Command::Reproduce(args)) => reproduce(args, registry),
+        Some(Command::Tour(args)) => train::tour(&args, registry),
+        Some(Command::Compare(args)) => train::compare(&args, registry),
+        Some(Command::Suite(options)) => {
+            logging::start(LevelFilter::Info);
+            let suite = suite::prepare(&options, registry).map_err(bad_input)?;
+            suite.run().map_err(failure)
+        }
+        Some(Command::Reproduce(options)) => {
+            logging::start(LevelFilter::Info);
+            let figures = figures::prepare(&options, registry).map_err(bad_input)?;
+            figures.run().map_err(failure)
+        }
+        Some(Command::Plot(options)) => text(plot::run(&options)),
         Some(Command::Completions { shell }) => print(&completions(shell)),
-        Some(Command::Man) => print(&manual().or_failure()?),
+        Some(Command::Man) => {
+            let mut page = Vec::new();
+            let made = clap_mangen::Man::new(Cli::command()).render(&mut page);
+            made.map_err(|error| failure(Report::msg(error)))?;
+            print(&String::from_utf8_lossy(&page))
+        }
         Some(Command::Check { file, map, strict, reading }) => {
             check::run(&file, map.as_deref(), &(&reading).into(), strict, registry)
         }
@@ -44,20 +75,22 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
     }
 }
 
-/// Trains on every map, and reports.
-fn suite(args: SuiteArgs, registry: &Arc<Registry>) -> Outcome {
-    logging::start(LogLevel::Info);
-    suite::prepare(&args.into(), registry).or_bad_input()?.run().or_failure()
+/// Writes a file and returns a line that says where.
+fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
+    files::write_atomically(path, bytes).map_err(|error| {
+        let help = "give --out a file in a writable folder";
+        miette!(help = help, "{}: cannot be written: {error}", path.display())
+    })?;
+    Ok(format!("{}\n", path.display()))
 }
 
-/// Trains what the figures need, and draws them.
-fn reproduce(args: ReproduceArgs, registry: &Arc<Registry>) -> Outcome {
-    logging::start(LogLevel::Info);
-    figures::prepare(&args.into(), registry).or_bad_input()?.run().or_failure()
+/// Prints text that may quote user input, made safe to display, to standard output.
+fn print_safely(text: &str) -> Outcome {
+    print(&sanitized_lines(text))
 }
 
-fn manual() -> Result<String, Report> {
-    let mut page = Vec::new();
-    clap_mangen::Man::new(Cli::command()).render(&mut page).map_err(Report::msg)?;
-    Ok(String::from_utf8_lossy(&page).into_owned())
+/// Prints to standard output. An early close (`| head`) is not an error.
+fn print(text: &str) -> Outcome {
+    let printed = print_text(text).map_err(|error| Report::msg(error).wrap_err("standard output"));
+    printed.map(|()| 0).map_err(failure)
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use miette::Report;
 
 pub use chart::{Chart, Curve, Page, Point, Range, colour, tick};
-pub use sheet::{Anchor, Mark, Sheet, circle, fitted};
+pub use sheet::{Anchor, Mark, Sheet, fitted};
 
 /// A millimetre in points.
 pub const MILLIMETRE: f32 = 72.0 / 25.4;

@@ -2,32 +2,33 @@
 
 mod progress;
 mod records;
-mod saver;
 mod table;
 
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
 use crate::host::outputs::save_elsewhere;
+use crate::host::report::{from_checkpoint_error, print_error};
 use crate::host::runs::resume_command;
 use crate::host::setup::Setup;
 use crate::host::signals::TerminationSignal;
-use crate::host::{EXIT_BAD_INPUT, EXIT_NOT_REACHED};
+use crate::host::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, logging};
 use gdg::env::{EnvError, Recorded};
 use gdg::job::{Job, Running};
 use gdg::printing;
 use gdg::printing::eprint_line;
-use gdg::text::{counted, escape_json_line, grouped};
-use gdg::train::{Due, EndReason, EvaluateAt, Evaluation, Recovery, Schedule, Session, Trainer};
+use gdg::text::{counted, escape_json_line, grouped, sanitized};
+use gdg::train::{
+    self, Due, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Session, Trainer,
+};
 use progress::Progress;
 use records::Record;
-pub use saver::{Saver, save_interval};
 use table::Table;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same
@@ -55,21 +56,16 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     setup.trainer.set_job(termination.job().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(Saver::new);
-    let table = options
-        .table
-        .as_deref()
-        .map(|path| Table::open(path, options.overwrite, &setup))
-        .transpose();
-    let table = match table {
+    let open = |path| Table::open(path, options.overwrite, &setup);
+    let table = match options.table.as_deref().map(open).transpose() {
         Ok(table) => table,
         Err(error) => {
-            crate::host::report::print_error(&error);
+            print_error(&error);
             return Ok(EXIT_BAD_INPUT);
         }
     };
     let updates_before = setup.trainer.counters().updates;
-    let progress =
-        Progress::new(&setup.limits, options.eval_every_updates, setup.trainer.seconds());
+    let progress = Progress::new(&setup.limits, options.eval_every_updates);
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
     let ended = run.run();
     // Saves what was learned, even after an error.
@@ -79,7 +75,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
         let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
-        return Err(miette::miette!(help = crate::host::logging::hint(), "{problem}"));
+        return Err(miette!(help = logging::hint(), "{problem}"));
     }
     print(&Record::end(reason, &run.setup.trainer))?;
     printing::stdout().flush().map_err(unwritten)?;
@@ -87,18 +83,18 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     if let (EndReason::Interrupted, Some(status)) = (reason, run.termination.status()) {
         return Ok(status);
     }
-    match (options.require_success, evaluation) {
-        (Some(required), Some(found)) => match found.success_rate() {
-            Some(rate) if rate >= required => Ok(0),
-            Some(rate) => {
-                eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
-                Ok(EXIT_NOT_REACHED)
-            }
-            // A warning has been printed.
-            None => Ok(EXIT_NOT_REACHED),
-        },
-        _ => Ok(0),
+    let (Some(required), Some(found)) = (options.require_success, evaluation) else {
+        return Ok(0);
+    };
+    match found.success_rate() {
+        Some(rate) if rate >= required => return Ok(0),
+        Some(rate) => {
+            eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
+        }
+        // A warning has been printed.
+        None => {}
     }
+    Ok(EXIT_NOT_REACHED)
 }
 
 fn print(record: &Record) -> Result<(), Report> {
@@ -153,10 +149,7 @@ impl HeadlessRun<'_> {
             let mended = self.setup.trainer.repair_after_panic().is_ok();
             let state =
                 if mended { "the run is saved if --save is given" } else { "saving may fail" };
-            Err(miette::miette!(
-                help = crate::host::logging::hint(),
-                "an internal error ended training; {state}"
-            ))
+            Err(miette!(help = logging::hint(), "an internal error ended training; {state}"))
         })
     }
 
@@ -170,18 +163,41 @@ impl HeadlessRun<'_> {
     }
 
     fn train(&mut self) -> Result<EndReason, Report> {
-        let mut session = Session::resume(self.schedule(), &self.setup.trainer);
+        let save_every = save_interval(self.options.save_every_minutes);
+        let evaluate = self.options.eval_every_updates;
+        let schedule = Schedule {
+            progress_every_updates: Some(PROGRESS_EVERY_UPDATES),
+            edits: self.setup.edits.iter().map(|edit| edit.updates).collect(),
+            evaluate: evaluate.map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
+            save_every: save_every.filter(|_| self.saver.is_some()),
+        };
+        let mut session = Session::resume(schedule, &self.setup.trainer);
         self.report_reached_limit();
         loop {
             while let Some(due) = session.next_due() {
+                let Setup { trainer, limits, edits, .. } = &mut self.setup;
                 match due {
                     Due::Recovery(recovery) => report_recovery(recovery)?,
-                    Due::Progress => self.report_progress()?,
-                    Due::Edit(i) => self.apply_edit(i)?,
+                    Due::Progress => {
+                        print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
+                        self.table.iter_mut().for_each(|table| table.add(trainer, None));
+                    }
+                    Due::Edit(i) => {
+                        let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
+                        print(&Record::edit(trainer, change))?;
+                    }
                     // An evaluation at the end follows anyway.
-                    Due::Evaluation if self.limit_reached().is_some() => {}
+                    Due::Evaluation if trainer.limit_reached(limits).is_some() => {}
                     Due::Evaluation => match self.evaluate()? {
-                        Some(evaluation) => self.report_left_out(evaluation.err()),
+                        Some(Ok(_)) => {}
+                        // The world has prevented it; training goes on.
+                        Some(Err(error)) => {
+                            log::warn!("{error}");
+                            let at = grouped(self.setup.trainer.counters().updates);
+                            print_error(&Report::msg(error).wrap_err(format!(
+                                "training continues without the evaluation at update {at}, which failed twice"
+                            )));
+                        }
                         None => return Ok(EndReason::Interrupted),
                     },
                     Due::Save => self.save_periodically(),
@@ -195,40 +211,16 @@ impl HeadlessRun<'_> {
         }
     }
 
-    fn schedule(&self) -> Schedule {
-        let save_every = save_interval(self.options.save_every_minutes);
-        Schedule {
-            progress_every_updates: Some(PROGRESS_EVERY_UPDATES),
-            edits: self.setup.edits.iter().map(|edit| edit.updates).collect(),
-            evaluate: self
-                .options
-                .eval_every_updates
-                .map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
-            save_every: save_every.filter(|_| self.saver.is_some()),
-        }
-    }
-
-    fn report_progress(&mut self) -> Result<(), Report> {
-        let trainer = &self.setup.trainer;
-        print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
-        self.table.iter_mut().for_each(|table| table.add(trainer, None));
-        Ok(())
-    }
-
     /// Reports that a resumed run has nothing left to train, if so.
     fn report_reached_limit(&self) {
         let counters = self.setup.trainer.counters();
-        let (done, option) = match self.limit_reached() {
-            Some(EndReason::MaxUpdates) => {
-                (grouped(counters.updates) + " updates", "--max-updates")
-            }
-            Some(EndReason::MaxEpisodes) => {
-                (grouped(counters.episodes) + " episodes", "--max-episodes")
-            }
+        let (done, what) = match self.setup.trainer.limit_reached(&self.setup.limits) {
+            Some(EndReason::MaxUpdates) => (grouped(counters.updates), "updates"),
+            Some(EndReason::MaxEpisodes) => (grouped(counters.episodes), "episodes"),
             _ => return,
         };
         eprint_line(&format!(
-            "nothing to train: the run has {done} already, and {option} counts all"
+            "nothing to train: the run has {done} {what} already, and --max-{what} counts all"
         ));
     }
 
@@ -236,9 +228,7 @@ impl HeadlessRun<'_> {
     fn save_periodically(&mut self) {
         if let Err(error) = self.save() {
             log::warn!("{error}");
-            crate::host::report::print_error(
-                &error.wrap_err("training continues; saving will be tried again"),
-            );
+            print_error(&error.wrap_err("training continues; saving will be tried again"));
         }
     }
 
@@ -261,11 +251,9 @@ impl HeadlessRun<'_> {
         self.save().map_err(|error| {
             let trainer = &self.setup.trainer;
             // Perhaps only the record of the checkpoint could not be written.
-            match self.saver.as_ref().filter(|saver| !saver.has_saved(trainer)) {
-                Some(saver) => match save_elsewhere(trainer, saver.path()) {
-                    Some(path) => miette::miette!("{error}; saved to {} instead", path.display()),
-                    None => error,
-                },
+            let saver = self.saver.as_ref().filter(|saver| !saver.has_saved(trainer));
+            match saver.and_then(|saver| save_elsewhere(trainer, saver.path())) {
+                Some(path) => miette!("{error}; saved to {} instead", path.display()),
                 None => error,
             }
         })
@@ -282,26 +270,6 @@ impl HeadlessRun<'_> {
                 counted(unsaved, "update")
             ));
         }
-    }
-
-    fn apply_edit(&mut self, i: usize) -> Result<(), Report> {
-        let Setup { trainer, edits, .. } = &mut self.setup;
-        let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
-        print(&Record::edit(trainer, change))
-    }
-
-    fn limit_reached(&self) -> Option<EndReason> {
-        self.setup.trainer.limit_reached(&self.setup.limits)
-    }
-
-    /// Reports an evaluation that the world has prevented; training goes on.
-    fn report_left_out(&self, error: Option<EnvError>) {
-        let Some(error) = error else { return };
-        log::warn!("{error}");
-        let at = grouped(self.setup.trainer.counters().updates);
-        crate::host::report::print_error(&Report::msg(error).wrap_err(format!(
-            "training continues without the evaluation at update {at}, which failed twice"
-        )));
     }
 
     /// Adds to the error that has ended training where the run is saved, unless the error itself
@@ -370,7 +338,7 @@ fn run_interruptibly<T: Send + 'static>(
         }
     }
     running.join().map(Some).map_err(|_| {
-        let help = crate::host::logging::hint();
+        let help = logging::hint();
         miette!(help = help, "an internal error ended the {name} thread")
     })
 }
@@ -381,4 +349,67 @@ fn updates_per_second(trainer: &Trainer) -> f64 {
     } else {
         0.0
     }
+}
+
+/// Default time between checkpoints.
+const DEFAULT_INTERVAL_MINUTES: f64 = 5.0;
+
+/// Returns the time between checkpoints: `minutes`, otherwise the default; `None` for 0, which
+/// saves only at the end.
+pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
+    let minutes = minutes.unwrap_or(DEFAULT_INTERVAL_MINUTES);
+    (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))
+}
+
+pub struct Saver {
+    to: SaveTo,
+    /// The state saved last: updates, steps and evaluations.
+    last_saved_state: Option<(u64, u64, usize)>,
+}
+
+impl Saver {
+    pub fn new(to: SaveTo) -> Self {
+        Self { to, last_saved_state: None }
+    }
+
+    pub fn path(&self) -> &Path {
+        self.to.path()
+    }
+
+    /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run
+    /// back first.
+    pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
+        if self.has_saved(trainer) {
+            return Ok(None);
+        }
+        if let Err(error) = trainer.ensure_finite() {
+            // The networks are good even then, and can be saved; the next update fails again.
+            eprint_line(&error.to_string());
+        }
+        let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
+        trainer.world().take_warnings().iter().for_each(|warning| eprint_line(warning));
+        let requested = self.to.path();
+        if path != requested {
+            let may_replace =
+                train::is_checkpoint(requested) && matches!(self.to, SaveTo::CreateNew(_));
+            let help = if may_replace { " (--overwrite replaces it)" } else { "" };
+            let (requested, path) =
+                (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
+            eprint_line(&format!("{requested} {}{help}: saving to {path}", self.to.obstacle()));
+        }
+        self.to = SaveTo::Replace(path.clone());
+        self.last_saved_state = Some(state(trainer));
+        Ok(Some(path))
+    }
+
+    pub fn has_saved(&self, trainer: &Trainer) -> bool {
+        self.last_saved_state == Some(state(trainer))
+    }
+}
+
+/// Returns the counters that identify a state of `trainer`: updates, environment steps,
+/// evaluations.
+fn state(trainer: &Trainer) -> (u64, u64, usize) {
+    let counters = trainer.counters();
+    (counters.updates, counters.env_steps, trainer.history().evaluations().len())
 }

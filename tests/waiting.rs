@@ -76,7 +76,6 @@ fn commands_say_how_far_they_are() {
     // The pass at which the work is slow, and how far it is by then, in per cent.
     let commands = [
         ("maps", 9, "measuring the maps", 0),
-        ("maps convert trap trap.png", 4, "converting the map", 50),
         ("export-policy saves/own.safetensors --plans", 18, "writing the policy", 14),
         ("export-data saves/own.safetensors", 6, "writing the transitions", 17),
         ("export-data saves/own.safetensors", 3, "reading the checkpoint", 33),
@@ -86,7 +85,7 @@ fn commands_say_how_far_they_are() {
         ("--no-ui trap --max-updates 1 --data own.npz", 7, "reading the data", 62),
     ];
     let faults = commands.map(|(_, pass, ..)| format!("progress=delay:2400@{pass}"));
-    let lines = std::array::from_fn::<_, 9, _>(|i| (commands[i].0, &*faults[i]));
+    let lines = std::array::from_fn::<_, 8, _>(|i| (commands[i].0, &*faults[i]));
     let mut shares = Vec::new();
     for ((line, _, what, _), said) in commands.iter().zip(said(folder.path(), lines)) {
         let share = said

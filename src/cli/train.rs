@@ -1,18 +1,19 @@
 //! Options of a training run.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
+use log::LevelFilter;
 
-use super::gym::GymArgs;
-use super::maps::GOAL_RADIUS;
-use super::screen::InterfaceArgs;
-use super::values::{
-    EditAt, counts, edits, output, parse_minutes, parse_seconds, parse_share, parse_threads,
-};
-use super::{MapArgs, RunArgs};
 use crate::headless;
-use crate::host::logging::LogLevel;
+use crate::host::maps::{GOAL_RADIUS, MapArgs, given};
+use crate::host::setup::RunChoice;
+use crate::host::values::{
+    EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
+};
+use crate::tui::InterfaceOptions;
+use gdg::env::GymOptions;
 use gdg::learn::Threads;
 
 /// The map to train on unless another is given.
@@ -30,9 +31,8 @@ pub struct TrainArgs {
     #[arg(long, conflicts_with_all = ["ui_config", "marker"])]
     pub no_ui: bool,
 
-    /// Method and settings.
     #[command(flatten)]
-    pub run: RunArgs,
+    pub run: RunChoice,
 
     /// Random seed: same seed, same run
     #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
@@ -49,7 +49,7 @@ pub struct TrainArgs {
 
     /// Stop after S seconds of training, not counting evaluation; counted from where a resumed run
     /// goes on
-    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    #[arg(long, value_name = "S", value_parser = reals(0.0..=1e9, "a number of seconds from 0 to 1e9"))]
     pub max_seconds: Option<f64>,
 
     /// Stop after N episodes, counted from the start of training
@@ -90,7 +90,7 @@ pub struct TrainArgs {
 
     /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface:
     /// see autosave_minutes]
-    #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
+    #[arg(long, value_name = "MINUTES", value_parser = reals(0.0..=1e6, "a number of minutes, 0 for none"), requires = "no_ui")]
     pub save_every: Option<f64>,
 
     /// Replace existing files: tables and, with --save, checkpoints of other runs
@@ -103,17 +103,16 @@ pub struct TrainArgs {
     pub csv: Option<PathBuf>,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
-    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
-    pub log_level: LogLevel,
+    #[arg(long, value_name = "LEVEL", default_value = "info", value_parser = log_levels())]
+    pub log_level: LevelFilter,
 
     /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the
     /// newest in saves/, of the map if one is named, before or after (city --resume, --resume city)
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 
-    /// Options of the interface.
     #[command(flatten)]
-    pub interface: InterfaceArgs,
+    pub interface: InterfaceOptions,
 
     /// Print a template of the configuration file for theme, keys etc. with its default path, and
     /// exit
@@ -121,15 +120,13 @@ pub struct TrainArgs {
     pub print_config_template: bool,
 
     /// Exit with status 3 unless the final evaluation's success rate is at least X
-    #[arg(long, value_name = "X", value_parser = parse_share)]
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 
     // Last, since their headings hold for all that follows.
-    /// How the map is read.
     #[command(flatten)]
     pub reading: MapArgs,
 
-    /// Options of environments in Python.
     #[command(flatten)]
     pub gym: GymArgs,
 }
@@ -162,6 +159,54 @@ impl TrainArgs {
     }
 }
 
+/// Options of environments in Python.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Gymnasium environments")]
+pub struct GymArgs {
+    /// Python interpreter of gym:ID [default: that of the active virtual environment, else python3]
+    #[arg(long, value_name = "PATH")]
+    pub python: Option<PathBuf>,
+
+    /// Components of the observation that form the goal, from 0, where there is no achieved_goal
+    /// (OGBench) [default: 0,1]
+    #[arg(long, value_name = "I,J,...", value_delimiter = ',', conflicts_with = "resume")]
+    pub goal: Option<Vec<u16>>,
+
+    /// Python processes that the agents' environments are spread over [default: 1]
+    #[arg(long, value_name = "K", value_parser = counts::<u16>(1..=256))]
+    pub workers: Option<u16>,
+
+    /// Longest time in seconds that an environment may take to open, to begin an episode or to step
+    /// [default: 60]
+    #[arg(long, value_name = "S", value_parser = reals(0.1..=1e6, "a number of seconds from 0.1 to 1e6"))]
+    pub env_timeout: Option<f64>,
+}
+
+impl GymArgs {
+    /// Returns the options that were given.
+    pub fn given(&self) -> Vec<&'static str> {
+        given([
+            (self.python.is_some(), "--python"),
+            (self.goal.is_some(), "--goal"),
+            (self.workers.is_some(), "--workers"),
+            (self.env_timeout.is_some(), "--env-timeout"),
+        ])
+    }
+
+    /// Returns the options of environments whose goals are reached within `goal_radius`.
+    pub fn options(&self, goal_radius: Option<f64>) -> GymOptions {
+        let default = GymOptions::default();
+        GymOptions {
+            python: self.python.clone(),
+            goal: self.goal.as_ref().map(|goal| goal.iter().map(|i| usize::from(*i)).collect()),
+            goal_radius: goal_radius.map(|radius| radius as f32),
+            workers: self.workers.map_or(default.workers, usize::from),
+            timeout: self.env_timeout.map_or(default.timeout, Duration::from_secs_f64),
+            ..default
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use clap::CommandFactory;
@@ -172,12 +217,9 @@ mod tests {
     fn only_options_of_environments_are_below_their_heading() {
         let help = Cli::command().render_long_help().to_string();
         let (before, below) = help.split_once("\nGymnasium environments:").expect("the heading");
-        let has =
-            |text: &str, option: &str| text.lines().any(|line| line.trim().starts_with(option));
-        assert!(has(below, "--python") && has(before, "--cell"));
-        for option in ["--ui-config", "--marker", "--print-config-template"] {
-            assert!(!has(below, option), "{option}");
+        for option in ["--cell", "--ui-config", "--print-config-template", "--require-success"] {
+            assert!(before.contains(option) && !below.contains(&format!("\n      {option}")));
         }
-        assert!(has(before, "--require-success"));
+        assert!(below.contains("\n      --python"));
     }
 }

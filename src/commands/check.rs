@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{Report, miette};
 
-use super::output::{OrFail, Outcome, print_safely};
+use super::{Outcome, bad_input, print_safely};
 use crate::host::EXIT_NOT_REACHED;
 use crate::host::maps::{doubts, find_map, unconnected_parts};
 use crate::host::report::from_map_error;
@@ -25,7 +25,7 @@ pub fn run(
     strict: bool,
     registry: &Registry,
 ) -> Outcome {
-    let (text, grid) = checked(file, map_file, reading, registry).or_bad_input()?;
+    let (text, grid) = checked(file, map_file, reading, registry).map_err(bad_input)?;
     let faults = if strict { faults(&grid) } else { Vec::new() };
     let lines: String = faults.iter().map(|fault| format!("fault:      {fault}\n")).collect();
     print_safely(&(text + &lines))?;
@@ -117,12 +117,10 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
     let find = |name: &OsStr| {
         let exact = scenario.with_file_name(name);
         // Scenarios made on Windows may name it with other capitals.
-        let similar = || {
-            others
-                .iter()
-                .find(|path| path.file_name().is_some_and(|own| own.eq_ignore_ascii_case(name)))
+        let is_similar = |path: &&PathBuf| {
+            path.is_file() && path.file_name().is_some_and(|own| own.eq_ignore_ascii_case(name))
         };
-        if exact.is_file() { Some(exact) } else { similar().filter(|path| path.is_file()).cloned() }
+        if exact.is_file() { Some(exact) } else { others.iter().find(is_similar).cloned() }
     };
     [OsStr::new(named), after]
         .into_iter()
@@ -130,11 +128,8 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
         .find_map(find)
         .ok_or_else(|| {
             let problem = format!("its map {named} is not in the same folder");
-            from_map_error(MapError::whole_file(
-                &scenario.to_string_lossy(),
-                problem,
-                "give it with --map FILE",
-            ))
+            let (file, help) = (scenario.to_string_lossy(), "give it with --map FILE");
+            from_map_error(MapError::whole_file(&file, problem, help))
         })
 }
 
@@ -174,7 +169,6 @@ fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Returns a diameter with its unit.
 fn in_steps(diameter: Diameter) -> String {
     let unit = if diameter.steps == 1 { "step" } else { "steps" };
     format!("{} {unit}", describe_diameter(diameter))

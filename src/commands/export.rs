@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use super::output::write_file;
+use super::write_file;
 use crate::cli::{ExportArgs, ExportPolicyArgs};
 use crate::host::outputs::refuse_existing;
 use crate::host::report::from_checkpoint_error;

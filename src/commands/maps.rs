@@ -3,8 +3,7 @@
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
-use super::output::{OrFail, write_file};
-use super::output::{Outcome, print, print_safely};
+use super::{Outcome, bad_input, print, print_safely, write_file};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::host::maps::{find_map, warnings};
 use crate::host::outputs::{refuse_existing, refuse_input};
@@ -16,9 +15,6 @@ use gdg::map::{
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Registry;
-
-/// Steps of a conversion: a map is read, printed in the other format, and doubts about it are found.
-const CONVERT_STEPS: usize = 3;
 
 /// Returns the table of built-in maps.
 fn list() -> String {
@@ -40,7 +36,7 @@ fn list() -> String {
 /// Prints the table of built-in maps, or a random map, or converts one.
 pub fn run(args: &MapsArgs, registry: &Registry) -> Outcome {
     if let Some(MapsCommand::Convert(args)) = &args.command {
-        return print_safely(&convert(args, registry).or_bad_input()?);
+        return print_safely(&convert(args, registry).map_err(bad_input)?);
     }
     match args.random {
         None => print(&list()),
@@ -58,16 +54,11 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         miette!(help = help, "{}: this ending says no format", output.display())
     })?;
     let converting = Waiting::on("converting the map");
-    let told = |done| converting.set(done, CONVERT_STEPS);
-    converting.begin(0, 1);
-    told(0);
     let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
     if let Some(scenario) = &args.scen {
         grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
     }
-    told(1);
     let files = format.write(&grid, output);
-    told(2);
     let warnings = warnings(&grid);
     drop(converting);
     warnings.iter().for_each(|warning| eprint_line(warning));
@@ -76,7 +67,9 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         refuse_input("OUT", path, read)?;
         refuse_existing(path, args.overwrite)?;
     }
-    warn_of_losses(args, &grid, format)?;
+    for loss in losses(args, &grid, format)? {
+        eprint_line(&format!("{}: {loss}", sanitized(grid.name())));
+    }
     files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
 }
 
@@ -87,32 +80,28 @@ fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {
     grid.with_marks([grid.starts(), &starts].concat(), [grid.goals(), &goals].concat())
 }
 
-/// Prints what of a map its file in this `format` will not have, and how to keep it.
-fn warn_of_losses(args: &ConvertArgs, grid: &Grid, format: &MapFormat) -> Result<(), Report> {
-    let say = |what: &str| eprint_line(&format!("{}: {what}", sanitized(grid.name())));
-    let lost = format.lost(grid).join(" and ");
+/// Returns what of a map its file in this `format` will not have, and how to keep it.
+fn losses(args: &ConvertArgs, grid: &Grid, format: &MapFormat) -> Result<Vec<String>, Report> {
+    let (mut said, lost) = (Vec::new(), format.lost(grid).join(" and "));
     if !lost.is_empty() {
         let keep = FORMATS.iter().filter(|format| format.loses.is_empty());
         let keep = keep.map(|format| format.name).collect::<Vec<_>>().join(", ");
-        say(&format!("warning: the file has no {lost}; formats that keep them: {keep}"));
+        said.push(format!("warning: the file has no {lost}; formats that keep them: {keep}"));
     }
     let MapScale { goal_radius, .. } = grid.scale();
     if goal_radius != MapScale::default().goal_radius {
-        say(&format!(
-            "warning: no file of a map has a goal radius: give --goal-radius {goal_radius} with it"
-        ));
+        let keep = format!("give --goal-radius {goal_radius} with it");
+        said.push(format!("warning: no file of a map has a goal radius: {keep}"));
     }
     if grid.scale().benchmark.is_some() {
-        say("warning: the tasks of the benchmark are not written");
+        said.push("warning: the tasks of the benchmark are not written".to_owned());
     }
-    if let Some(agents) = map::agents_of(&args.input).map_err(from_map_error)? {
-        let tasks = agents.tasks(grid).map_err(from_map_error)?;
-        if with_tasks(grid, tasks) != *grid {
-            let file = sanitized(&args.input.to_string_lossy());
-            say(&format!(
-                "warning: its agents are not written: --scen {file} makes them starts and goals"
-            ));
-        }
+    if let Some(agents) = map::agents_of(&args.input).map_err(from_map_error)?
+        && with_tasks(grid, agents.tasks(grid).map_err(from_map_error)?) != *grid
+    {
+        let file = sanitized(&args.input.to_string_lossy());
+        let keep = format!("--scen {file} makes them starts and goals");
+        said.push(format!("warning: its agents are not written: {keep}"));
     }
-    Ok(())
+    Ok(said)
 }

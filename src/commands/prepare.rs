@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{EditAt, THRESHOLD, TrainArgs};
-use crate::host::maps::{self, find_map, known_name};
+use crate::cli::TrainArgs;
+use crate::host::maps::{self, THRESHOLD, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
 use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use crate::host::setup::{self, Edit, Setup, settings};
+use crate::host::values::EditAt;
 use gdg::env::{Environment, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
@@ -34,7 +35,7 @@ pub fn settings_to_print(
             .run()
             .settings
             .clone()),
-        None => settings(&args.run.choice(), args.map(), registry),
+        None => settings(&args.run, args.map(), registry),
     }
 }
 
@@ -155,7 +156,7 @@ fn begin_run(
     registry: &Arc<Registry>,
     progress: &Job,
 ) -> Result<(Trainer, Option<String>), Report> {
-    let run = setup::run(&args.run.choice(), args.map(), registry, args.seed)?;
+    let run = setup::run(&args.run, args.map(), registry, args.seed)?;
     if let Some(file) = &args.data {
         setup::check_data(file, progress)?;
     }
@@ -257,32 +258,20 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
     let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
-        let never =
-            |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
-        if edit.updates < begun {
-            return Err(never(format!(
-                "the run starts at update {begun}: give that or a later one"
-            )));
-        }
-        if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
-            return Err(never(format!(
-                "the run ends at update {most}: give that or an earlier one"
-            )));
+        let (at, most) = (edit.updates, args.max_updates.unwrap_or(u64::MAX));
+        if !(begun..=most).contains(&at) {
+            let end = if at < begun { ("starts", begun) } else { ("ends", most) };
+            let file = edit.file.display();
+            return Err(miette!("--edit-at {at}:{file}: the run {} at update {}", end.0, end.1));
         }
         let threshold = Reading::from(&args.reading).threshold;
         let new = map::load_map_like(&edit.file, map, threshold).map_err(from_map_error)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let problem = format!("is {} x {} cells", new.width(), new.height());
-            let help = format!(
-                "give a map of {} x {}, the size of the run's map",
-                map.width(),
-                map.height()
-            );
-            return Err(from_map_error(MapError::whole_file(
-                &edit.file.to_string_lossy(),
-                problem,
-                help,
-            )));
+            let (width, height) = (map.width(), map.height());
+            let help = format!("give a map of {width} x {height}, the size of the run's map");
+            let file = edit.file.to_string_lossy();
+            return Err(from_map_error(MapError::whole_file(&file, problem, help)));
         }
         let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })

@@ -4,13 +4,12 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic, Report, miette};
+use miette::{IntoDiagnostic, miette};
 
-use super::output::{Failure, OrFail, Outcome, print, print_safely};
-use super::prepare;
-use super::screen::obstacle;
+use super::train::{obstacle, registry_for};
+use super::{Failure, Outcome, bad_input, failure, prepare, print, print_safely};
 use crate::cli::{Cli, RunsArgs, TrainArgs};
-use crate::experiment::runs::{Dated, Reader, table};
+use crate::experiment::runs::{Reader, SavedRun, table};
 use crate::host::runs::SAVES;
 use crate::host::waiting::Waiting;
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
@@ -27,11 +26,11 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
             let help = "give folders of checkpoints, of records, or of gdg-tui suite";
             miette!(help = help, "{}: cannot be read: {error}", folder.display())
         };
-        std::fs::read_dir(folder).map_err(unreadable).or_bad_input()?;
+        std::fs::read_dir(folder).map_err(unreadable).map_err(bad_input)?;
     }
     if args.json {
-        let lines = read(&args.folders).iter().map(json).collect::<Result<String, Report>>();
-        return print(&lines.or_bad_input()?);
+        let line = |run: &Arc<SavedRun>| escape_json_line(&run.json().to_string()) + "\n";
+        return print(&read(&args.folders).iter().map(line).collect::<String>());
     }
     if obstacle().is_none() {
         return show(args, registry);
@@ -52,7 +51,7 @@ fn is_missing_default(folder: &Path) -> bool {
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
-fn read(folders: &[PathBuf]) -> Vec<Dated> {
+fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
     let reading = Waiting::on("reading the runs");
     reading.begin(0, 1);
     let found = Reader::new(folders).read(|[file, files], _| {
@@ -60,35 +59,27 @@ fn read(folders: &[PathBuf]) -> Vec<Dated> {
         ControlFlow::Continue(())
     });
     drop(reading);
-    for (path, problem) in found.problems {
-        eprint_line(&format!("{}: {problem}: left out", path.display()));
-    }
-    found.runs.iter().filter_map(|(run, _)| run.note()).for_each(|note| eprint_line(&note));
-    found.runs
-}
-
-fn json((run, written): &Dated) -> Result<String, Report> {
-    let line = serde_json::to_string(&run.line(*written)).into_diagnostic()?;
-    Ok(escape_json_line(&line) + "\n")
+    found.runs.iter().filter_map(|run| run.note()).for_each(|note| eprint_line(&note));
+    found.runs.into_iter().filter(|run| !run.is_damaged()).collect()
 }
 
 /// Shows the list, and what is opened in it, in turns.
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
-    let mut interface = tui::prepare(&args.screen.interface.options()).or_bad_input()?;
-    let mut list = RunsScreen::open(&args.folders, opener, &interface).or_failure()?;
+    let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
+    let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;
     let (mut status, mut notice) = (0, String::new());
     loop {
         interface.notice = None;
-        let (left, opened, signalled) = list.show(&mut interface, &notice).or_failure()?;
+        let (left, opened, signalled) = list.show(&mut interface, &notice).map_err(failure)?;
         interface.notice = Some("q leads back to the list of runs");
         let ended = match opened {
             None => return Ok(status.max(signalled)),
             Some(Opened::Run(setup)) => tui::run(*setup, &mut interface, None),
             Some(Opened::Comparison(both)) => tui::compare(*both, &mut interface),
         };
-        let (ended, files) = ended.or_failure()?;
+        let (ended, files) = ended.map_err(failure)?;
         if let Some(signalled) = interface.ended() {
             return Ok(signalled);
         }
@@ -99,9 +90,9 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
 /// Returns what opens runs, as the commands that show one or two of them do.
 fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> {
     use clap::Parser;
-    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().or_failure()?.train;
+    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().map_err(failure)?.train;
     train.log_level = args.screen.log_level;
-    let registry = super::train::registry_for(&train, registry);
+    let registry = registry_for(&train, registry);
     Ok(Arc::new(move |wish, progress| match wish.beside {
         None => {
             let resume = Some(Some(wish.file));

@@ -1,21 +1,21 @@
-//! `gdg-tui [MAP]`: trains, with or without the interface.
+//! What trains: `gdg-tui [MAP]`, with or without the interface, `gdg-tui tour` and `compare`.
 
+use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 
 use clap::CommandFactory;
-use gdg::printing::eprint_line;
-use gdg::train::{Registry, print_settings};
+use miette::{Report, miette};
 
-use super::output::{OrFail, Outcome, print};
-use super::prepare;
-use super::screen::obstacle;
-use crate::cli::{Cli, TrainArgs};
+use super::{Failure, Outcome, bad_input, failure, prepare, print};
+use crate::cli::{Cli, CompareArgs, ScreenArgs, TourArgs, TrainArgs};
 use crate::headless;
-use crate::host::setup::Setup;
 use crate::host::waiting::Waiting;
 use crate::host::{logging, maps};
-use crate::tui;
+use crate::tui::{self, PreparedInterface};
+use gdg::printing::eprint_line;
+use gdg::text::{sanitized_lines, terminal_obeys_escapes};
+use gdg::train::{Registry, print_settings};
 
 /// Trains, or prints what it would train with.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
@@ -24,25 +24,29 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
         let opening = Waiting::on(prepare::opening(args));
         let settings = prepare::settings_to_print(args, registry, &opening);
         drop(opening);
-        let settings = settings.or_bad_input()?;
-        return print(&print_settings(&settings));
+        return print(&print_settings(&settings.map_err(bad_input)?));
     }
     if args.print_config_template {
         return print(&tui::config_template());
     }
     logging::start(args.log_level);
-    let with_ui = is_shown(args);
+    let obstacle = if args.no_ui { None } else { obstacle() };
+    if let Some(obstacle) = &obstacle {
+        let meant = "--no-ui says that this is meant";
+        eprint_line(&format!("trains without the interface, as {obstacle} ({meant})"));
+    }
     if args.resume.is_none() {
         check_for_command(args.map(), registry)?;
     }
     let opening = Waiting::on(prepare::opening(args));
     let setup = prepare::prepare(args, registry, &opening);
     drop(opening);
-    let setup = setup.or_bad_input()?;
-    if with_ui {
-        return show(setup, args);
+    let setup = setup.map_err(bad_input)?;
+    if args.no_ui || obstacle.is_some() {
+        return headless::run(setup, &args.headless()).map_err(failure);
     }
-    headless::run(setup, &args.headless()).or_failure()
+    let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
+    Ok(tui::run(setup, &mut interface, args.map.as_deref()).map_err(failure)?.0)
 }
 
 /// Returns the registry with what is given of environments in Python and recorded data.
@@ -51,29 +55,58 @@ pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry>
     registry.clone().with_gym(options).with_data(args.data.clone())
 }
 
-/// Decides whether the run is shown; prints a notice if it is not, unless `--no-ui` asked for that.
-fn is_shown(args: &TrainArgs) -> bool {
-    if args.no_ui {
-        return false;
-    }
-    let Some(obstacle) = obstacle() else { return true };
-    eprint_line(&format!(
-        "trains without the interface, as {obstacle} (--no-ui says that this is meant)"
-    ));
-    false
-}
-
-fn show(setup: Setup, args: &TrainArgs) -> Outcome {
-    let mut interface = tui::prepare(&args.interface.options()).or_bad_input()?;
-    Ok(tui::run(setup, &mut interface, args.map.as_deref()).or_failure()?.0)
-}
-
 /// Checks that the map argument is not a mistyped command.
-fn check_for_command(map: &Path, registry: &Registry) -> Result<(), super::Failure> {
+fn check_for_command(map: &Path, registry: &Registry) -> Result<(), Failure> {
     if !maps::is_unknown_name(map, registry) {
         return Ok(());
     }
     let commands: Vec<String> =
         Cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect();
-    Err(maps::unknown_name(map, registry, &commands)).or_bad_input()
+    Err(bad_input(maps::unknown_name(map, registry, &commands)))
+}
+
+/// Returns why the interface cannot be shown, if it cannot.
+pub fn obstacle() -> Option<String> {
+    if !std::io::stdout().is_terminal() {
+        return Some("the output is not a terminal".to_owned());
+    }
+    let of_kind = || match std::env::var("TERM").unwrap_or_default().as_str() {
+        "" => "TERM is not set".to_owned(),
+        term => format!("TERM={}", sanitized_lines(term)),
+    };
+    (!terminal_obeys_escapes()).then(|| format!("the terminal cannot draw it ({})", of_kind()))
+}
+
+/// Prepares and shows what needs a terminal: `what` is said without one, and what works instead.
+fn watch<T>(
+    args: &ScreenArgs,
+    [what, instead]: [&str; 2],
+    prepare: impl FnOnce() -> Result<T, Report>,
+    show: impl FnOnce(T, &mut PreparedInterface) -> Result<(u8, String), Report>,
+) -> Outcome {
+    logging::start(args.log_level);
+    let prepared = prepare().map_err(bad_input)?;
+    if let Some(obstacle) = obstacle() {
+        let problem = format!("{what} is something to watch: it needs a terminal, but {obstacle}");
+        return Err(bad_input(miette!(help = instead, "{problem}")));
+    }
+    let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
+    Ok(show(prepared, &mut interface).map_err(failure)?.0)
+}
+
+/// Shows the guided tour.
+pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> Outcome {
+    let refusal = ["a tour", "gdg-tui --no-ui trains without one"];
+    watch(&args.screen, refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
+}
+
+/// Shows two methods side by side.
+pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
+    let instead = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
+    let options = args.options();
+    let prepare = || {
+        let opening = Waiting::on("opening both runs");
+        tui::prepare_comparison(&options, registry, &opening)
+    };
+    watch(&args.screen, ["a comparison", instead], prepare, tui::compare)
 }

@@ -11,6 +11,8 @@ mod report;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
 use super::jobs::{JobOptions, Jobs, print_raw, warn_if_short};
@@ -18,33 +20,73 @@ use super::plan::{Length, Plan};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
+use crate::host::values::counts;
 use catalogue::Entry;
 pub use catalogue::{Budget, FIGURES, Figure};
 use gdg::printing::eprint_line;
-use gdg::train::{Overrides, Preset, Registry, Run, settings_from};
-pub use ogbench::DataFolder;
+use gdg::train::{Overrides, Registry, Run, settings_from};
+use ogbench::DataFolder;
 use output::Drawn;
 
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui reproduce all                      all figures; run again to resume
+  gdg-tui reproduce fig3 fig4 --budget paper --out /shared/paper
+  gdg-tui reproduce fig6 --set gdg:hidden=256    runs only that method's jobs
+  gdg-tui reproduce ogbench                  beside published results
+  gdg-tui reproduce all --list               one line per job
+  gdg-tui reproduce all --job 3              the third, on a cluster
+  gdg-tui reproduce all --collect            report from the jobs that are done
+
+Exit status: as of gdg-tui suite.";
+
 /// Which figures to reproduce, and how.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Options {
-    /// Names of figures, or `all` for those of the paper.
+    /// Figures of the paper, all of them, or OGBench's point mazes
+    #[arg(value_name = "FIGURE", required = true, value_parser = names())]
     pub figures: Vec<String>,
+
+    /// How much to train
+    #[arg(long, value_enum, default_value_t = Budget::Quick)]
     pub budget: Budget,
-    /// Updates of every job instead.
+
+    /// Train every job for N updates instead
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub updates: Option<u64>,
-    /// Episodes of every job instead.
+
+    /// Train every job for N episodes instead
+    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = counts::<u64>(1..=1 << 53))]
     pub episodes: Option<u64>,
-    /// Environment steps of every job instead.
+
+    /// Train every job for N environment steps instead
+    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = counts::<u64>(1..=1 << 53))]
     pub steps: Option<u64>,
-    /// Runs per method in figures over several seeds; otherwise as many as the figure has.
+
+    /// Runs per method in figures over several seeds, with seeds 1, 2, ...
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
-    /// Evaluation tasks at each distance; otherwise those of the figure.
-    pub eval_tasks: Option<u32>,
+
+    #[command(flatten)]
     pub data: DataFolder,
-    /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
+
+    /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
+    /// many along the way
+    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
+    pub eval_tasks: Option<u32>,
+
+    /// Change one setting of all methods, or of the one named (repeatable)
+    #[arg(long, value_name = "[METHOD:]NAME=VALUE")]
     pub set: Vec<String>,
+
+    #[command(flatten)]
     pub running: JobOptions,
+}
+
+fn names() -> PossibleValuesParser {
+    let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
+    figures.chain([PossibleValue::new("all").help("All of the paper's")]).collect::<Vec<_>>().into()
 }
 
 /// Figures, ready to be reproduced.
@@ -52,8 +94,6 @@ pub struct Reproduction<'a> {
     options: &'a Options,
     jobs: Jobs<'a>,
     figures: Vec<(&'static Figure, Vec<MethodRuns>)>,
-    /// Methods without a learner, which are left out.
-    unavailable: Vec<&'static str>,
 }
 
 /// A method, its jobs, one per seed, and the available results.
@@ -74,11 +114,8 @@ pub fn prepare<'a>(
     options: &'a Options,
     registry: &'a Arc<Registry>,
 ) -> Result<Reproduction<'a>, Report> {
-    let is_chosen = |figure: &&Figure| {
-        let is_named = |name: &String| name == figure.name || name == "all" && figure.is_of_paper();
-        options.figures.iter().any(is_named)
-    };
-    let chosen: Vec<&'static Figure> = FIGURES.iter().filter(is_chosen).collect();
+    let chosen: Vec<&'static Figure> =
+        FIGURES.iter().filter(|figure| figure.is_among(&options.figures)).collect();
     check_prefixes(&options.set, &chosen)?;
     let JobOptions { collect, list, .. } = options.running;
     if !collect {
@@ -86,15 +123,11 @@ pub fn prepare<'a>(
         let datasets: Vec<&str> = entries.filter_map(|entry| entry.dataset).collect();
         options.data.collect(&datasets)?;
     }
-    let (mut figures, mut unavailable) = (Vec::new(), BTreeSet::new());
+    let mut figures = Vec::new();
     for figure in chosen {
         let mut methods = Vec::new();
         for entry in figure.methods {
-            let Some(preset) = entry.preset(registry) else {
-                unavailable.insert(entry.name);
-                continue;
-            };
-            let jobs = jobs(figure, entry, preset, options, registry)?;
+            let jobs = jobs(figure, entry, options, registry)?;
             if !collect && !list {
                 let usual = figure.plan(options.budget, entry.name).length;
                 let is_same_unit = jobs[0].plan.length.unit() == usual.unit();
@@ -105,19 +138,18 @@ pub fn prepare<'a>(
         figures.push((figure, methods));
     }
     let all = figures.iter().flat_map(|(_, methods)| methods).flat_map(|method| &method.jobs);
-    let files = ["data/NAME.json", "figures/NAME.png"];
-    let jobs = Jobs::new(all.cloned(), &options.running, registry, &files)?;
-    Ok(Reproduction { options, jobs, figures, unavailable: unavailable.into_iter().collect() })
+    let jobs = Jobs::new(all.cloned(), &options.running, "reproduce", registry)?;
+    Ok(Reproduction { options, jobs, figures })
 }
 
 /// Returns the jobs of a method in a figure, one per seed.
 fn jobs(
     figure: &Figure,
     entry: &Entry,
-    preset: Preset,
     options: &Options,
     registry: &Registry,
 ) -> Result<Vec<JobSpec>, Report> {
+    let preset = entry.preset();
     let own = entry.set.iter().map(|text| (*text).to_owned());
     let set: Vec<String> = own.chain(settings_of(entry.name, &options.set)).collect();
     let world = entry.world(figure.world);
@@ -165,10 +197,6 @@ fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
 impl Reproduction<'_> {
     /// Runs, draws or lists; returns the exit status.
     pub fn run(mut self) -> Result<u8, Report> {
-        if !self.unavailable.is_empty() {
-            let names = self.unavailable.join(", ");
-            eprint_line(&format!("left out, as this build has no such learner: {names}"));
-        }
         let mut figures = std::mem::take(&mut self.figures);
         self.jobs.run(|missing| self.draw(&mut figures, missing))
     }
@@ -178,15 +206,13 @@ impl Reproduction<'_> {
         figures: &mut [(&'static Figure, Vec<MethodRuns>)],
         missing: &[&str],
     ) -> Result<(), Report> {
-        let (folder, arguments) = (&self.jobs.folder, self.arguments());
-        let open = self.jobs.all.iter().filter(|job| missing.contains(&&*job.name));
-        for problem in
-            open.filter_map(|job| folder.problem(job).unwrap_or_else(|e| Some(e.to_string())))
-        {
-            eprint_line(&problem);
+        let (folder, options) = (&self.jobs.folder, self.options);
+        for job in self.jobs.all.iter().filter(|job| missing.contains(&&*job.name)) {
+            let problem = folder.problem(job).unwrap_or_else(|error| Some(error.to_string()));
+            problem.iter().for_each(|problem| eprint_line(problem));
         }
         let (mut sections, mut charts) = (String::new(), String::new());
-        for (figure, methods) in figures {
+        for (figure, methods) in &mut *figures {
             for method in &mut *methods {
                 method.results =
                     method.jobs.iter().filter_map(|job| folder.result_of(job)).collect();
@@ -198,60 +224,12 @@ impl Reproduction<'_> {
                 continue;
             }
             let drawn = Drawn::write(figure, methods, folder)?;
-            charts += &drawn.for_terminal(figure);
+            charts += &drawn.text;
             sections += &report::section(figure, methods, &drawn);
         }
-        let of_paper = FIGURES.iter().any(|figure| {
-            let is_named = |name: &String| name == figure.name || name == "all";
-            figure.is_of_paper() && self.options.figures.iter().any(is_named)
-        });
-        let head = report::head(&arguments, of_paper, missing, &self.unavailable);
+        let of_paper = figures.iter().any(|(figure, _)| figure.is_of_paper());
+        let head = report::head(&options.figures, options.budget, of_paper, missing);
         folder.write("report.md", (head + &sections).as_bytes())?;
         print_raw(&charts)
-    }
-
-    /// Returns the arguments that determine what is drawn, without those that say where and how to
-    /// run.
-    fn arguments(&self) -> String {
-        let options = self.options;
-        let mut words = vec!["reproduce".to_owned()];
-        words.extend(options.figures.iter().cloned());
-        words.push(format!("--budget {}", options.budget.name()));
-        let numbers = [
-            ("--updates", options.updates),
-            ("--episodes", options.episodes),
-            ("--steps", options.steps),
-            ("--seeds", options.seeds),
-            ("--eval-tasks", options.eval_tasks.map(u64::from)),
-        ];
-        for (name, value) in numbers {
-            words.extend(value.map(|value| format!("{name} {value}")));
-        }
-        if options.figures.iter().any(|name| name == "ogbench") {
-            words.push(format!("--data-dir {}", quoted(&options.data.folder.to_string_lossy())));
-        }
-        words.extend(options.set.iter().map(|setting| format!("--set {}", quoted(setting))));
-        words.join(" ")
-    }
-}
-
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', r"'\''"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn words_are_quoted_where_a_shell_would_change_them() {
-        assert_eq!(quoted("city-gdg-1-3f2a9c"), "city-gdg-1-3f2a9c");
-        assert_eq!(quoted("relative_scales=[1]"), "'relative_scales=[1]'");
-        assert_eq!(quoted("it's"), r"'it'\''s'");
     }
 }

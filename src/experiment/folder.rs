@@ -7,11 +7,9 @@
 //! pictures/NAME.png
 //! ```
 
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
-use serde::{Deserialize, Serialize};
 
 use super::spec::{JobResult, JobSpec};
 use crate::host::outputs::elsewhere;
@@ -27,53 +25,17 @@ const MOVE_AWAY: &str = "move it away, or give --out another folder";
 const RESULT: Wanted =
     Wanted { name: "the result of a job", help: MOVE_AWAY, own: &[Format::Json, Format::Text] };
 
-/// Why a result cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum ResultError {
-    #[error("cannot be read: {0}")]
-    Unreadable(#[from] std::io::Error),
-    /// Its contents are not what was written: the job has to run again.
-    #[error("is damaged: {0}")]
-    Damaged(String),
-    /// It is no result of this version: running the job again would replace it.
-    #[error("{}", .0.problem)]
-    Foreign(Mismatch),
-    /// The beginning of the other job's key is the same.
-    #[error("is the result of another job")]
-    Other,
-}
-
-#[derive(Serialize, Deserialize)]
-struct StoredResult {
-    #[serde(flatten)]
-    result: JobResult,
-    /// CRC-32 of the result as compact JSON, in hexadecimal digits.
-    checksum: Option<String>,
-}
-
-fn checksum_of(result: &JobResult) -> String {
-    // A result that cannot be serialised matches no stored checksum.
-    let json = serde_json::to_vec(result).unwrap_or_default();
-    format!("{:08x}", crc32fast::hash(&json))
-}
+/// What experiments write besides `jobs`.
+const REPORTS: [&str; 6] =
+    ["report.md", "success.svg", "success.csv", "pictures", "data", "figures"];
 
 /// Reads a result without knowing its job.
-pub fn read_result(path: &Path) -> Result<JobResult, ResultError> {
-    let bytes = files::read(path, MAX_RESULT_BYTES)?;
-    let damaged = |why: String| match RESULT.mismatch(path).filter(|_| !bytes.is_empty()) {
-        Some(other) => ResultError::Foreign(other),
-        None => ResultError::Damaged(why),
-    };
-    let StoredResult { result, checksum } =
-        serde_json::from_slice(&bytes).map_err(|error| damaged(error.to_string()))?;
-    match checksum {
-        Some(checksum) if checksum == checksum_of(&result) => Ok(result),
-        Some(_) => Err(damaged("its checksum is wrong".to_owned())),
-        None => Err(ResultError::Foreign(Mismatch {
-            problem: "was written by an earlier version of gdg-tui".to_owned(),
-            help: MOVE_AWAY.to_owned(),
-        })),
-    }
+pub fn read_result(path: &Path) -> Result<JobResult, Report> {
+    let problem =
+        |problem: String| Report::msg(sanitized(&format!("{}: {problem}", path.display())));
+    let bytes = files::read(path, MAX_RESULT_BYTES)
+        .map_err(|error| problem(format!("cannot be read: {error}")))?;
+    serde_json::from_slice(&bytes).map_err(|error| problem(format!("is damaged: {error}")))
 }
 
 /// The folder of an experiment, which need not exist yet.
@@ -81,16 +43,14 @@ pub fn read_result(path: &Path) -> Result<JobResult, ResultError> {
 pub struct Folder(pub PathBuf);
 
 impl Folder {
-    /// Checks that files called `names` can be written to it, and creates it if needed; refuses a
-    /// folder that has never had jobs but already contains other files there.
-    pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
-        let first_part =
-            |name: &&str| Path::new(*name).components().next().map(|part| self.0.join(part));
+    /// Checks that it can be written to, and creates it if needed; refuses a folder that has never
+    /// had jobs but already contains what would be replaced.
+    pub fn check_writable(&self) -> Result<(), Report> {
         let is_used = |path: &PathBuf| {
             path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some())
         };
         if !self.0.join("jobs").exists()
-            && let Some(other) = names.iter().filter_map(first_part).find(is_used)
+            && let Some(other) = REPORTS.map(|name| self.0.join(name)).into_iter().find(is_used)
         {
             let (help, other) = ("give --out a folder of its own", other.display());
             return Err(miette!(
@@ -98,9 +58,8 @@ impl Folder {
                 "{other}: was not written by gdg-tui and is not replaced"
             ));
         }
-        names.iter().map(|name| self.0.join(name)).try_for_each(|path| {
-            let checked = files::check_replaceable(&path);
-            checked.and_then(|()| files::check_writable(&path)).map_err(|error| {
+        ["report.md", "jobs/NAME.json"].map(|name| self.0.join(name)).iter().try_for_each(|path| {
+            files::check_writable(path).map_err(|error| {
                 let (help, path) = ("give --out a writable folder", path.display());
                 miette!(help = help, "{path}: results cannot be saved here: {error}")
             })
@@ -123,7 +82,7 @@ impl Folder {
 
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
         let path = self.path(name);
-        let written = files::write_unlinked(&path, bytes).into_diagnostic();
+        let written = files::write_atomically(&path, bytes).into_diagnostic();
         written.wrap_err_with(|| path.display().to_string())
     }
 
@@ -148,35 +107,30 @@ impl Folder {
 
     /// Returns the job's result, if it is done and the result can be used.
     pub fn result_of(&self, job: &JobSpec) -> Option<JobResult> {
-        self.read(job).ok().flatten()
+        read_result(&self.result_path(job)).ok().filter(|result| result.key == job.key)
     }
 
-    /// Returns why the job's result cannot be used, if there is one that cannot but may be
-    /// replaced.
+    /// Returns why the job's result, if there is one, cannot be used and is made again. Files of
+    /// other kinds are not replaced.
     pub fn problem(&self, job: &JobSpec) -> Result<Option<String>, Report> {
-        let said = |problem: &dyn std::fmt::Display| {
-            sanitized(&format!("{}: {problem}", self.result_path(job).display()))
-        };
-        match self.read(job) {
-            Ok(_) => Ok(None),
-            Err(ResultError::Foreign(Mismatch { problem, help })) => {
-                Err(miette!(help = help, "{}", said(&problem)))
-            }
-            Err(problem) => Ok(Some(said(&problem))),
-        }
-    }
-
-    fn read(&self, job: &JobSpec) -> Result<Option<JobResult>, ResultError> {
-        match read_result(&self.result_path(job)) {
-            Err(ResultError::Unreadable(error)) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Ok(result) if result.key != job.key => Err(ResultError::Other),
-            result => result.map(Some),
+        let path = self.result_path(job);
+        let Ok(found) = path.metadata() else { return Ok(None) };
+        let is_of_another_kind = || RESULT.mismatch(&path).filter(|_| found.len() > 0);
+        match read_result(&path) {
+            Ok(result) if result.key == job.key => Ok(None),
+            Ok(_) => Ok(Some(format!("{}: is the result of another job", path.display()))),
+            Err(problem) => match is_of_another_kind() {
+                Some(Mismatch { problem, help }) => {
+                    Err(miette!(help = help, "{}: {problem}", path.display()))
+                }
+                None => Ok(Some(problem.to_string())),
+            },
         }
     }
 
     /// Returns the results of all jobs ever finished in it, sorted by name, and says why the others
     /// cannot be used.
-    pub fn results(&self) -> (Vec<JobResult>, Vec<String>) {
+    pub fn results(&self) -> (Vec<JobResult>, Vec<Report>) {
         let entries = std::fs::read_dir(self.0.join("jobs")).into_iter().flatten().flatten();
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
         paths.retain(|path| has_extension(path, "json") && !is_hidden(path));
@@ -185,7 +139,7 @@ impl Folder {
         for path in paths {
             match read_result(&path) {
                 Ok(result) => results.push(result),
-                Err(error) => problems.push(sanitized(&format!("{}: {error}", path.display()))),
+                Err(problem) => problems.push(problem),
             }
         }
         (results, problems)
@@ -193,20 +147,22 @@ impl Folder {
 
     /// Checks that the job's result, checkpoint and picture can be written.
     pub fn check_result_writable(&self, job: &JobSpec) -> Result<(), Report> {
-        let check = |path: PathBuf, what: &str| {
-            files::check_replaceable(&path).map_err(|error| {
+        let checkpoint = self.checkpoint(job);
+        if checkpoint.is_file() && !is_checkpoint(&checkpoint) {
+            let problem = "is not a checkpoint of gdg-tui and is not replaced";
+            return Err(miette!(help = MOVE_AWAY, "{}: {problem}", checkpoint.display()));
+        }
+        let files = [
+            (self.result_path(job), "result"),
+            (self.path(&picture_name(&job.name)), "picture"),
+            (checkpoint, "checkpoint"),
+        ];
+        files.into_iter().try_for_each(|(path, what)| {
+            files::check_name(&path).map_err(|error| {
                 let path = path.display();
                 miette!(help = MOVE_AWAY, "{path}: the {what} cannot be saved: {error}")
             })
-        };
-        check(self.result_path(job), "result")?;
-        check(self.path(&picture_name(&job.name)), "picture")?;
-        let path = self.checkpoint(job);
-        if path.is_file() && !is_checkpoint(&path) {
-            let problem = "is not a checkpoint of gdg-tui and is not replaced";
-            return Err(miette!(help = MOVE_AWAY, "{}: {problem}", path.display()));
-        }
-        check(path, "checkpoint")
+        })
     }
 
     /// Locks the job for this process until the lock is dropped; returns `None` if another process
@@ -230,8 +186,7 @@ impl Folder {
         picture: Option<&[u8]>,
         keep: bool,
     ) -> Result<(), Report> {
-        let stored = StoredResult { checksum: Some(checksum_of(result)), result: result.clone() };
-        let json = serde_json::to_string_pretty(&stored).into_diagnostic()?;
+        let json = serde_json::to_string_pretty(result).into_diagnostic()?;
         let json = escape_json_line(&json) + "\n";
         let drawn = picture.map_or(Ok(()), |picture| self.write(&picture_name(&job.name), picture));
         // The result last: it marks the job as done.

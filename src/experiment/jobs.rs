@@ -1,14 +1,16 @@
 //! The jobs of an experiment: listed, run, and reported.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::folder::Folder;
-use super::runner::run_open;
 use super::spec::{JobResult, JobSpec};
+use crate::host::runs::SAVES;
+use crate::host::values::{counts, output, shares};
 use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
@@ -18,21 +20,35 @@ use gdg::train::{Evaluation, Registry};
 const SHORT: f64 = 0.1;
 
 /// Which jobs run, how, and where.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct JobOptions {
-    /// Folder of jobs and results.
-    pub out: PathBuf,
-    /// Jobs at the same time.
-    pub parallel: usize,
-    /// Whether to print the jobs instead.
+    /// Folder for jobs, their checkpoints, results and the report [default: saves/ and the command]
+    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    pub out: Option<PathBuf>,
+
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this
+    /// machine's cores]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
+    pub jobs: Option<u16>,
+
+    /// Print one line per job, its name first, and exit
+    #[arg(long, conflicts_with_all = ["job", "collect"])]
     pub list: bool,
-    /// Names or numbers of the only jobs to run.
+
+    /// Run only this job, by its name or by its line in --list (repeatable), and report nothing
+    #[arg(long, value_name = "NAME|N", conflicts_with = "collect")]
     pub job: Vec<String>,
-    /// Whether to report from finished jobs without running any.
+
+    /// Run nothing: report from the jobs that are done
+    #[arg(long)]
     pub collect: bool,
-    /// Whether checkpoints of finished jobs are kept.
-    pub keep: bool,
-    /// The success rate that every run has to reach.
+
+    /// Remove the checkpoints of finished jobs, which --resume needs
+    #[arg(long)]
+    pub no_keep: bool,
+
+    /// Exit with status 3 unless every run's final success rate is at least X
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 }
 
@@ -40,35 +56,36 @@ pub struct JobOptions {
 pub struct Jobs<'a> {
     pub all: Vec<JobSpec>,
     pub folder: Folder,
-    registry: &'a Arc<Registry>,
-    running: &'a JobOptions,
+    pub registry: &'a Arc<Registry>,
+    pub options: &'a JobOptions,
 }
 
 impl<'a> Jobs<'a> {
-    /// Takes `jobs`, the same of which may be given several times. Checks that those named exist,
-    /// and that their results and `files` can be written.
+    /// Takes the jobs of a `command`, the same of which may be given several times. Checks that those
+    /// named exist, and that results can be written.
     pub fn new(
         jobs: impl IntoIterator<Item = JobSpec>,
-        running: &'a JobOptions,
+        options: &'a JobOptions,
+        command: &str,
         registry: &'a Arc<Registry>,
-        files: &[&str],
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let jobs = Self { all, folder: Folder(running.out.clone()), registry, running };
+        let folder = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
+        let jobs = Self { all, folder: Folder(folder), registry, options };
         jobs.chosen()?;
-        if running.collect {
+        if options.collect {
             jobs.folder.check_has_jobs()?;
         }
-        if !running.list {
-            jobs.folder.check_writable(&[&["report.md", "jobs/NAME.json"], files].concat())?;
+        if !options.list {
+            jobs.folder.check_writable()?;
         }
         Ok(jobs)
     }
 
     /// Returns the jobs to run: those given with `--job`, or all.
     fn chosen(&self) -> Result<Vec<&JobSpec>, Report> {
-        if self.running.job.is_empty() {
+        if self.options.job.is_empty() {
             return Ok(self.all.iter().collect());
         }
         let find = |name: &String| {
@@ -80,7 +97,7 @@ impl<'a> Jobs<'a> {
                 miette!(help = help, "--job {name}: there is no such job")
             })
         };
-        let mut chosen = self.running.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let mut chosen = self.options.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let mut seen = BTreeSet::new();
         chosen.retain(|job| seen.insert(&job.name));
         Ok(chosen)
@@ -89,20 +106,19 @@ impl<'a> Jobs<'a> {
     /// Lists the jobs; or runs those without a result and, unless single ones were named, calls
     /// `report` with the names of those that have none yet. Returns the exit status.
     pub fn run(&self, report: impl FnOnce(&[&str]) -> Result<(), Report>) -> Result<u8, Report> {
-        let JobOptions { parallel, list, collect, keep, .. } = *self.running;
-        if list {
+        if self.options.list {
             return print(&self.list()).map(|()| 0);
         }
-        let chosen = self.chosen()?;
+        let (chosen, collect) = (self.chosen()?, self.options.collect);
         let (mut any_failed, mut any_elsewhere) = (false, false);
         if !collect {
-            let outcome = run_open(&self.folder, self.registry, &chosen, parallel, keep)?;
+            let outcome = self.run_open(&chosen)?;
             if let Some(status) = outcome.interrupted {
                 return Ok(status);
             }
             (any_failed, any_elsewhere) = (outcome.any_failed, outcome.any_elsewhere);
         }
-        if self.running.job.is_empty() {
+        if self.options.job.is_empty() {
             let open = self.all.iter().filter(|job| self.folder.result_of(job).is_none());
             let missing: Vec<&str> = open.map(|job| &*job.name).collect();
             report(&missing)?;
@@ -113,7 +129,7 @@ impl<'a> Jobs<'a> {
                 any_failed |= collect;
             }
         }
-        Ok(match self.running.require_success {
+        Ok(match self.options.require_success {
             _ if any_failed => EXIT_FAILURE,
             Some(least) if self.any_below(&chosen, least) || any_elsewhere => EXIT_NOT_REACHED,
             _ => 0,
@@ -140,8 +156,8 @@ impl<'a> Jobs<'a> {
     fn any_below(&self, jobs: &[&JobSpec], required: f64) -> bool {
         let rate = |result: &JobResult| result.last().and_then(Evaluation::success_rate);
         let results = jobs.iter().filter_map(|job| self.folder.result_of(job));
-        let below: Vec<JobResult> =
-            results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
+        let is_below = |result: &JobResult| rate(result).is_none_or(|rate| rate < required);
+        let below: Vec<JobResult> = results.filter(is_below).collect();
         for result in &below {
             let (name, rate) = (&result.name, rate(result));
             let rate = rate.map_or("-".to_owned(), |rate| format!("{rate:.3}"));

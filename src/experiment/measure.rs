@@ -14,7 +14,7 @@ use gdg::draw::{Picture, Raster, Rgb, WALL, contour_interval, distance_colour};
 use gdg::env::{EnvError, EnvSettings, PointMaze, Restart, Task, TaskSet};
 use gdg::learn::{Policy, Scratch};
 use gdg::map::{Cell, Grid};
-use gdg::train::{EvaluationJob, TaskWalk, Trainer};
+use gdg::train::{EvaluationJob, Trainer};
 
 /// Seed of the tasks that are walked: the same for every run on a map.
 const TASK_SEED: u64 = 0;
@@ -282,16 +282,15 @@ fn hundredths(value: f32) -> Option<f32> {
     value.is_finite().then(|| (100.0 * value).round() / 100.0)
 }
 
-/// Pixels along the longer side, at most.
+/// Pixels along the longer side of a job's picture, and of a cell's, at most.
 const MAX_PIXELS: usize = 340;
-
-/// Pixels along a cell's side, at most.
 const MAX_PIXELS_PER_CELL: usize = 8;
 
 /// Pixels between two contour lines, on average, at least.
-pub const LINE_SPACING: f32 = 30.0;
+const LINE_SPACING: f32 = 30.0;
 
-/// The plan: red; the path walked: white; on dark edges, to stand out from every ground.
+/// The plan, and bridge points: red; the path walked: white; on dark edges, to stand out from every
+/// ground.
 const PLAN: Rgb = (255, 70, 50);
 const WALKED: Rgb = (255, 255, 255);
 const EDGE: Rgb = (20, 20, 30);
@@ -304,47 +303,48 @@ pub fn picture(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
     let job = trainer.evaluation().into_diagnostic()?;
     let task = PointMaze::new(map.clone(), 0).longest_task();
     let raster = Raster::of_map(map, MAX_PIXELS, MAX_PIXELS_PER_CELL);
-    let mut picture = field(map, raster, &task.goal, job.policy());
-    paths(&mut picture, raster, &task, &job).into_diagnostic()?;
+    let mut picture = field(map, raster, |positions| {
+        let mut distances = vec![0.0; positions.len()];
+        let goals = task.goal.repeat(positions.len());
+        let (positions, policy) = (positions.as_flattened(), job.policy());
+        policy.distances(positions, &goals, &mut distances, &mut Scratch::default());
+        distances
+    });
+    let walked = walk(&job, &task, task.shortest.unwrap_or(0)).into_diagnostic()?;
+    draw_walk(&mut picture, raster, &walked, None);
     picture.to_png("gdg-tui").into_diagnostic()
 }
 
-/// Colours the free ground by D to `goal`, light near and dark far, with contour lines.
-fn field(map: &Grid, raster: Raster, goal: &[f32], policy: &dyn Policy) -> Picture {
+/// Colours the free ground by the distances at positions, light near and dark far, with contour
+/// lines.
+pub fn field(
+    map: &Grid,
+    raster: Raster,
+    distances: impl FnOnce(&[[f32; 2]]) -> Vec<f32>,
+) -> Picture {
     let (free, positions) = raster.free_ground(map);
-    let mut distances = vec![0.0; free.len()];
-    policy.distances(
-        positions.as_flattened(),
-        &goal.repeat(free.len()),
-        &mut distances,
-        &mut Scratch::default(),
-    );
+    let distances = distances(&positions);
+    let finite = || distances.iter().copied().filter(|distance| distance.is_finite());
+    let (nearest, farthest) =
+        (finite().fold(f32::INFINITY, f32::min), finite().fold(1.0, f32::max));
     let mut picture = Picture::new(raster.pixels, WALL);
     let mut field = vec![f32::NAN; raster.len()];
-    free.iter().zip(&distances).for_each(|(i, distance)| field[*i] = *distance);
-    let farthest =
-        distances.iter().copied().filter(|distance| distance.is_finite()).fold(1.0, f32::max);
-    for i in free {
-        picture.pixels_mut()[i] = distance_colour(colorous::VIRIDIS, field[i] / farthest);
+    for (i, distance) in free.into_iter().zip(distances).filter(|(_, at)| at.is_finite()) {
+        let share = (distance - nearest) / (farthest - nearest).max(1e-3);
+        picture.pixels_mut()[i] = distance_colour(colorous::VIRIDIS, share);
+        field[i] = distance;
     }
     picture.contours(&field, contour_interval(&field, raster.pixels.0, LINE_SPACING));
     picture
 }
 
-/// Draws the plan, the path walked and both ends.
-fn paths(
-    picture: &mut Picture,
-    raster: Raster,
-    task: &Task,
-    job: &EvaluationJob,
-) -> Result<(), EnvError> {
+/// Draws the plan, the path walked, both ends and a bridge point.
+pub fn draw_walk(picture: &mut Picture, raster: Raster, walk: &Walked, bridge: Option<[f32; 2]>) {
     let scale = raster.pixels.0 as f32 / raster.window[2];
-    let at = |position: &[f32]| [position[0] * scale, position[1] * scale];
-    let TaskWalk { plan, states, .. } = job.walk(task)?;
-    let walked: Vec<[f32; 2]> = states.iter().map(|state| at(state)).collect();
-    let start: Vec<[f32; 2]> = walked.first().copied().into_iter().collect();
-    let planned: Vec<[f32; 2]> =
-        start.iter().copied().chain(plan.iter().map(|stop| at(stop))).collect();
+    let at = |position: &[f32; 2]| position.map(|along| along * scale);
+    let walked: Vec<[f32; 2]> = walk.path.iter().map(at).collect();
+    let start = walked.first().copied();
+    let planned: Vec<[f32; 2]> = start.into_iter().chain(walk.plan.iter().map(at)).collect();
     // The path walked is narrower than the plan, which stays visible where it is followed. Widths
     // in pixels.
     let (wide, narrow) = ((0.3 * scale).max(1.0), (0.12 * scale).max(0.5));
@@ -355,11 +355,11 @@ fn paths(
     }
     picture.lines(&walked, narrow, WALKED);
     let radius = (0.45 * scale).max(2.5);
-    for (position, colour) in [(start.first().copied(), START), (Some(at(&task.goal)), GOAL)] {
+    let dots = [(start, START), (Some(at(&walk.goal)), GOAL), (bridge.as_ref().map(at), PLAN)];
+    for (position, colour) in dots {
         if let Some(position) = position {
             picture.disc(position, radius + 1.0, EDGE);
             picture.disc(position, radius, colour);
         }
     }
-    Ok(())
 }

@@ -21,35 +21,24 @@ pub enum Length {
 }
 
 impl Length {
-    pub fn amount(self) -> u64 {
+    fn parts(self) -> (u64, &'static str, fn(&Counters) -> u64) {
         match self {
-            Self::Updates(amount) | Self::Episodes(amount) | Self::Steps(amount) => amount,
+            Self::Updates(amount) => (amount, "updates", |done| done.updates),
+            Self::Episodes(amount) => (amount, "episodes", |done| done.episodes),
+            Self::Steps(amount) => (amount, "environment steps", |done| done.env_steps),
         }
+    }
+
+    pub fn amount(self) -> u64 {
+        self.parts().0
     }
 
     pub fn unit(self) -> &'static str {
-        match self {
-            Self::Updates(_) => "updates",
-            Self::Episodes(_) => "episodes",
-            Self::Steps(_) => "environment steps",
-        }
+        self.parts().1
     }
 
     pub fn done(self, counters: &Counters) -> u64 {
-        match self {
-            Self::Updates(_) => counters.updates,
-            Self::Episodes(_) => counters.episodes,
-            Self::Steps(_) => counters.env_steps,
-        }
-    }
-
-    pub fn limits(self) -> Limits {
-        let none = Limits::default();
-        match self {
-            Self::Updates(n) => Limits { updates: Some(n), ..none },
-            Self::Episodes(n) => Limits { episodes: Some(n), ..none },
-            Self::Steps(n) => Limits { env_steps: Some(n), ..none },
-        }
+        self.parts().2(counters)
     }
 }
 
@@ -110,7 +99,7 @@ impl Plan {
     }
 
     /// Returns after how many updates, episodes or steps to evaluate, in order.
-    pub fn marks(&self) -> Vec<u64> {
+    fn marks(&self) -> Vec<u64> {
         let (amount, all) = (u128::from(self.length.amount()), self.evaluations.max(1));
         let at = |i: u64| (amount * u128::from(i) / u128::from(all)) as u64;
         let mut marks: Vec<u64> = (1..=all).map(at).filter(|at| *at > 0).collect();
@@ -118,11 +107,17 @@ impl Plan {
         marks
     }
 
-    pub fn evaluate_at(&self) -> EvaluateAt {
+    /// Returns when to evaluate, and when to end.
+    pub fn schedule(&self) -> (EvaluateAt, Limits) {
+        let (marks, none) = (self.marks(), Limits::default());
         match self.length {
-            Length::Updates(_) => EvaluateAt::Updates(self.marks()),
-            Length::Episodes(_) => EvaluateAt::Episodes(self.marks()),
-            Length::Steps(_) => EvaluateAt::EnvSteps(self.marks()),
+            Length::Updates(n) => (EvaluateAt::Updates(marks), Limits { updates: Some(n), ..none }),
+            Length::Episodes(n) => {
+                (EvaluateAt::Episodes(marks), Limits { episodes: Some(n), ..none })
+            }
+            Length::Steps(n) => {
+                (EvaluateAt::EnvSteps(marks), Limits { env_steps: Some(n), ..none })
+            }
         }
     }
 
@@ -143,17 +138,10 @@ mod tests {
 
     #[test]
     fn evaluations_are_equally_spaced_and_the_last_one_has_tasks_of_its_own() {
-        let at = |updates| Plan::suite(updates, 2).marks();
-        assert_eq!(at(25), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
-        assert_eq!(at(3), [1, 2, 3]);
-        let plan = Plan {
-            length: Length::Episodes(100),
-            evaluations: 4,
-            last_tasks: 9,
-            ..Plan::suite(0, 2)
-        };
-        assert_eq!(plan.marks(), [25, 50, 75, 100]);
-        assert_eq!((plan.tasks_after(75), plan.tasks_after(103)), (2, 9));
-        assert!(plan.measures() && !Plan::suite(60, 2).measures());
+        let plan = |updates| Plan { last_tasks: 9, ..Plan::suite(updates, 2) };
+        assert_eq!(plan(25).marks(), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
+        assert_eq!(plan(3).marks(), [1, 2, 3]);
+        assert_eq!((plan(100).tasks_after(75), plan(100).tasks_after(103)), (2, 9));
+        assert!(plan(60).measures() && !Plan::suite(60, 2).measures());
     }
 }

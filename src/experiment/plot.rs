@@ -5,6 +5,7 @@ mod lines;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report, miette};
 use serde::Serialize;
 
@@ -16,8 +17,8 @@ use crate::host::waiting::Waiting;
 use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
-use lines::{Grouping, Panels};
-pub use lines::{Points, mean};
+use lines::Grouping;
+pub use lines::{Line, Points, table};
 
 /// Width of a paper's column.
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
@@ -47,7 +48,7 @@ interpolated. All curves are drawn over the same range.
 Exit status: 0 success; 2 bad usage or input.";
 
 /// What to draw, and where to.
-#[derive(Clone, Debug, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Options {
     /// Folders of gdg-tui suite or reproduce or of checkpoints, checkpoints, and records of
@@ -99,22 +100,6 @@ fn parse_width(text: &str) -> Result<f32, String> {
     })
 }
 
-impl Default for Options {
-    /// Success over updates, of all charts on a page.
-    fn default() -> Self {
-        Self {
-            runs: Vec::new(),
-            by: Vec::new(),
-            y: Measure::Success,
-            x: Axis::Updates,
-            whole: true,
-            out: Vec::new(),
-            overwrite: false,
-            width: PAGE,
-        }
-    }
-}
-
 /// What runs differ in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum By {
@@ -124,9 +109,10 @@ pub enum By {
 }
 
 /// A result of evaluations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Measure {
     /// Success rate, with plans if the method plans
+    #[default]
     Success,
     /// Success rate of the actor alone
     Greedy,
@@ -137,9 +123,10 @@ pub enum Measure {
 }
 
 /// What the horizontal axis counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Axis {
     /// Updates
+    #[default]
     Updates,
     /// Environment steps
     Steps,
@@ -147,33 +134,34 @@ pub enum Axis {
     Seconds,
 }
 
+/// Returns the next of all values of an option.
+fn next<T: ValueEnum + PartialEq + Copy>(now: T) -> T {
+    let mut all = T::value_variants().iter().cycle().skip_while(|value| **value != now);
+    all.nth(1).copied().unwrap_or(now)
+}
+
 impl Measure {
-    pub fn name(self) -> &'static str {
+    /// Returns its name on the command line, and on an axis.
+    fn names(self) -> [&'static str; 2] {
         match self {
-            Self::Success => "success",
-            Self::Greedy => "greedy",
-            Self::Error => "error",
-            Self::Coverage => "coverage",
+            Self::Success => ["success", "success rate"],
+            Self::Greedy => ["greedy", "success rate without plans"],
+            Self::Error => ["error", "relative error of D"],
+            Self::Coverage => ["coverage", "share explored"],
         }
     }
 
+    pub fn name(self) -> &'static str {
+        self.names()[0]
+    }
+
     pub fn label(self) -> &'static str {
-        match self {
-            Self::Success => "success rate",
-            Self::Greedy => "success rate without plans",
-            Self::Error => "relative error of D",
-            Self::Coverage => "share explored",
-        }
+        self.names()[1]
     }
 
     #[must_use]
     pub fn next(self) -> Self {
-        match self {
-            Self::Success => Self::Greedy,
-            Self::Greedy => Self::Error,
-            Self::Error => Self::Coverage,
-            Self::Coverage => Self::Success,
-        }
+        next(self)
     }
 
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
@@ -188,21 +176,26 @@ impl Measure {
 }
 
 impl Axis {
-    pub fn name(self) -> &'static str {
+    /// Returns its name on the command line, and on an axis.
+    fn names(self) -> [&'static str; 2] {
         match self {
-            Self::Updates => "updates",
-            Self::Steps => "steps",
-            Self::Seconds => "seconds",
+            Self::Updates => ["updates", "updates"],
+            Self::Steps => ["steps", "environment steps"],
+            Self::Seconds => ["seconds", "seconds of training"],
         }
+    }
+
+    pub fn name(self) -> &'static str {
+        self.names()[0]
+    }
+
+    pub fn label(self) -> &'static str {
+        self.names()[1]
     }
 
     #[must_use]
     pub fn next(self) -> Self {
-        match self {
-            Self::Updates => Self::Steps,
-            Self::Steps => Self::Seconds,
-            Self::Seconds => Self::Updates,
-        }
+        next(self)
     }
 
     /// Returns where it is at an evaluation; older records do not know it.
@@ -211,14 +204,6 @@ impl Axis {
             Self::Updates => Some(at.updates as f64),
             Self::Steps => at.env_steps.map(|steps| steps as f64),
             Self::Seconds => at.seconds,
-        }
-    }
-
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Updates => "updates",
-            Self::Steps => "environment steps",
-            Self::Seconds => "seconds of training",
         }
     }
 }
@@ -236,12 +221,17 @@ pub struct Drawn {
 pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
     let runs = &join_resumed(runs)[..];
     let grouping = Grouping::new(runs, &options.by);
-    let Panels { charts, table, seeds, notes } = lines::panels(runs, &grouping, options)?;
+    let mut notes = Vec::new();
+    let lines = lines::lines(runs, &grouping, options, &mut notes)?;
+    let x = lines::range(&lines, options, &mut notes);
+    let (charts, axes) = (lines::charts(&lines, options, x), [options.x.name(), options.y.name()]);
+    let table = table(&lines, axes, x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
     let title = format!("{} over {}", options.y.label(), options.x.label());
     let page =
         Page { title: &title, has_heading: false, charts: &charts, width: options.width, columns };
-    let band = match seeds {
+    let seeds = || lines.iter().map(|line| line.seeds.len());
+    let band = match [seeds().min(), seeds().max()].map(Option::unwrap_or_default) {
         [_, 0 | 1] => "one seed".to_owned(),
         [least, most] => {
             let seeds = if least == most { most.to_string() } else { format!("{least} to {most}") };
@@ -368,7 +358,8 @@ mod tests {
     /// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
     fn drawn(files: &[PathBuf]) -> (Vec<String>, Vec<String>) {
         let (runs, _) = runs::runs(files, &Job::default()).expect("runs");
-        let Drawn { table, notes, .. } = draw(&runs, &Options::default()).expect("a figure");
+        let options = Options { whole: true, ..Options::default() };
+        let Drawn { table, notes, .. } = draw(&runs, &options).expect("a figure");
         let mut rows: Vec<String> = Vec::new();
         for row in csv::Reader::from_reader(&table[..]).records() {
             let row = row.expect("a row");

@@ -5,6 +5,8 @@ use std::collections::BTreeSet;
 
 use super::folder::{Folder, picture_name};
 use super::spec::{JobResult, JobSpec, told_apart};
+use miette::Report;
+
 use gdg::env::Restart;
 use gdg::text::{aligned, counted, markdown};
 
@@ -13,36 +15,33 @@ pub const CURVES: &str = "success.svg";
 
 struct Column {
     title: &'static str,
-    /// Whether it is shown on a terminal, too.
-    matters: bool,
     /// Digits after the point.
     digits: usize,
-    /// Decides what the worst value is.
-    smaller_is_better: bool,
+    /// Whether it is shown on a terminal, too.
+    matters: bool,
     of: fn(&JobResult) -> Option<f64>,
 }
 
-type Of = fn(&JobResult) -> Option<f64>;
-
-const fn high(title: &'static str, digits: usize, matters: bool, of: Of) -> Column {
-    Column { title, matters, digits, smaller_is_better: false, of }
-}
-
-const fn low(title: &'static str, digits: usize, matters: bool, of: Of) -> Column {
-    Column { title, matters, digits, smaller_is_better: true, of }
+const fn column(
+    title: &'static str,
+    digits: usize,
+    matters: bool,
+    of: fn(&JobResult) -> Option<f64>,
+) -> Column {
+    Column { title, digits, matters, of }
 }
 
 const COLUMNS: [Column; 10] = [
-    high("planned", 3, true, |r| r.last()?.planned.as_ref()?.success),
-    high("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
-    high("greedy", 3, true, |r| r.last()?.greedy.success),
-    high("straight", 3, false, |r| r.last()?.straight.as_ref()?.success),
-    low("error of D", 2, true, |r| Some(r.last()?.distance_error?.mape)),
-    low("error near", 2, false, |r| Some(r.last()?.distance_error?.near_mape)),
-    low("error of graph", 2, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
-    low("false edges", 0, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
-    high("coverage", 3, true, |r| r.last()?.coverage),
-    high("updates/s", 0, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
+    column("planned", 3, true, |r| r.last()?.planned.as_ref()?.success),
+    column("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
+    column("greedy", 3, true, |r| r.last()?.greedy.success),
+    column("straight", 3, false, |r| r.last()?.straight.as_ref()?.success),
+    column("error of D", 2, true, |r| Some(r.last()?.distance_error?.mape)),
+    column("error near", 2, false, |r| Some(r.last()?.distance_error?.near_mape)),
+    column("error of graph", 2, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
+    column("false edges", 0, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
+    column("coverage", 3, true, |r| r.last()?.coverage),
+    column("updates/s", 0, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
 ];
 
 /// One line: a map, a method with its settings, and the results of its seeds.
@@ -58,7 +57,7 @@ pub struct Row {
 
 /// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
 /// so that no method's results replace those of another; and what cannot be used there.
-pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<String>) {
+pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<Report>) {
     let row = |about| Row { map: String::new(), about, jobs: Vec::new(), results: Vec::new() };
     let mut rows: Vec<Row> = Vec::new();
     for job in jobs {
@@ -125,66 +124,56 @@ impl Row {
 pub fn table(rows: &[Row], as_markdown: bool) -> String {
     let columns = || COLUMNS.iter().filter(|column| as_markdown || column.matters);
     let plain = |text: &str| if as_markdown { markdown(text) } else { text.to_owned() };
-    let texts = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
-    let head = texts(if as_markdown {
-        &["map", "method", "free cells", "updates"]
-    } else {
-        &["map", "method", "updates"]
-    });
-    let head = head.into_iter().chain(columns().map(|column| column.title.to_owned()));
-    let mut lines: Vec<Vec<String>> = vec![head.collect()];
+    let heads = ["map", "method", "updates"].into_iter().chain(columns().map(|own| own.title));
+    let mut lines: Vec<Vec<String>> = vec![heads.map(str::to_owned).collect()];
     let labels: Vec<String> = rows.iter().map(|row| plain(&row.label(rows))).collect();
     for (row, label) in rows.iter().zip(&labels) {
         let missing = match (row.results.len(), row.jobs.len()) {
             (found, all) if found < all && all > 1 => format!(" ({found} of {all} seeds)"),
             _ => String::new(),
         };
-        let map = plain(&row.map) + &missing;
-        let free = row.about.map.as_ref().map_or("-".to_owned(), |map| map.free_cells.to_string());
-        let mut line = vec![map, label.clone(), free, row.about.updates.to_string()];
-        if !as_markdown {
-            line.remove(2);
-        }
-        line.extend(columns().map(|column| column.cell(&row.results)));
-        lines.push(line);
+        let about = [plain(&row.map) + &missing, label.clone(), row.about.updates.to_string()];
+        let cells = columns().map(|column| column.cell(&row.results));
+        lines.push(about.into_iter().chain(cells).collect());
     }
     let mut known = BTreeSet::new();
     for label in labels.iter().filter(|label| known.insert(*label)) {
         let own = rows.iter().zip(&labels).filter(|(_, of)| *of == label);
-        let own: Vec<&Row> = own.map(|(row, _)| row).collect();
+        let own: Vec<&JobResult> = own.flat_map(|(row, _)| &row.results).collect();
+        if labels.iter().filter(|of| *of == label).count() < 2 {
+            continue;
+        }
         for (name, of) in
             [("mean", (|_, v| mean(v)) as fn(&Column, &[f64]) -> f64), ("worst", Column::worst)]
         {
-            if own.len() > 1 {
-                let name = if as_markdown { format!("**{name}**") } else { name.to_owned() };
-                let total = columns().map(|column| {
-                    let values = own.iter().flat_map(|row| column.values(&row.results));
-                    match &values.collect::<Vec<f64>>()[..] {
-                        [] => "-".to_owned(),
-                        values => column.format(of(column, values)),
-                    }
-                });
-                let mut line = vec![name, label.clone()];
-                line.resize(lines[0].len() - columns().count(), String::new());
-                lines.push(line.into_iter().chain(total).collect());
-            }
+            let name = if as_markdown { format!("**{name}**") } else { name.to_owned() };
+            let total = columns().map(|column| {
+                let values: Vec<f64> = own.iter().filter_map(|own| (column.of)(own)).collect();
+                if values.is_empty() { "-".to_owned() } else { column.format(of(column, &values)) }
+            });
+            lines.push([name, label.clone(), String::new()].into_iter().chain(total).collect());
         }
     }
     if !as_markdown {
         return aligned(&lines);
     }
-    let rule = format!("|---|---|{}\n", "---:|".repeat(lines[0].len() - 2));
-    let line = |line: &Vec<String>| format!("| {} |\n", line.join(" | ")).replace("|  |", "| |");
-    line(&lines[0]) + &rule + &lines[1..].iter().map(line).collect::<String>()
+    markdown_table(&format!("ll{}", "r".repeat(lines[0].len() - 2)), &lines)
+}
+
+/// Returns a table in Markdown: its head, then rows; the columns are aligned to the left (`l`) or
+/// to the right (`r`).
+pub fn markdown_table(alignment: &str, rows: &[Vec<String>]) -> String {
+    let line = |row: &Vec<String>| format!("| {} |\n", row.join(" | ")).replace("|  |", "| |");
+    let rule: String = alignment.chars().map(|c| if c == 'r' { "---:|" } else { "---|" }).collect();
+    let (head, rows) = rows.split_at(rows.len().min(1));
+    let lines = |rows: &[Vec<String>]| rows.iter().map(line).collect::<String>();
+    format!("{}|{rule}\n{}", lines(head), lines(rows))
 }
 
 impl Column {
-    fn values(&self, results: &[JobResult]) -> Vec<f64> {
-        results.iter().filter_map(self.of).collect()
-    }
-
     fn worst(&self, values: &[f64]) -> f64 {
-        let worse = if self.smaller_is_better { f64::max } else { f64::min };
+        let is_error = self.title.starts_with("error") || self.title.starts_with("false");
+        let worse = if is_error { f64::max } else { f64::min };
         values.iter().copied().reduce(worse).unwrap_or(f64::NAN)
     }
 
@@ -193,7 +182,7 @@ impl Column {
     }
 
     fn cell(&self, results: &[JobResult]) -> String {
-        match &self.values(results)[..] {
+        match &results.iter().filter_map(self.of).collect::<Vec<f64>>()[..] {
             [] => "-".to_owned(),
             [value] => self.format(*value),
             values => {

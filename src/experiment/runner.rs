@@ -2,28 +2,26 @@
 
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
 use miette::{IntoDiagnostic, Report, miette};
 use parking_lot::Mutex;
 
-use super::folder::Folder;
+use super::jobs::Jobs;
 use super::measure::{self, measure};
 use super::plan::Length;
 use super::spec::JobSpec;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
-use crate::host::progress_bar::{self, duration};
 use crate::host::report::print_error;
-use crate::host::setup::{begin, learn_from};
+use crate::host::setup::{begin, learn_from, parallel_jobs};
 use crate::host::signals::TerminationSignal;
+use crate::host::waiting::duration;
 use gdg::files::check_writable;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, sanitized};
-use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
+use gdg::train::{self, Due, EndReason, SaveTo, Schedule, Session, Trainer, describe};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
@@ -47,75 +45,70 @@ pub struct Outcome {
 
 /// Runs jobs, each on one thread.
 struct Runner<'a> {
-    folder: &'a Folder,
-    registry: &'a Arc<Registry>,
+    all: &'a Jobs<'a>,
     /// Ends all jobs when a signal arrives.
     termination: TerminationSignal,
-    /// Whether the checkpoints of finished jobs are kept.
-    keep: bool,
-    jobs: Vec<&'a JobSpec>,
+    /// Those without a result.
+    open: Vec<&'a JobSpec>,
     progress: Progress,
 }
 
-/// Runs those of `jobs` that have no result, `parallel` at a time, until a signal arrives, and says
-/// which failed or run elsewhere.
-pub fn run_open(
-    folder: &Folder,
-    registry: &Arc<Registry>,
-    jobs: &[&JobSpec],
-    parallel: usize,
-    keep: bool,
-) -> Result<Outcome, Report> {
-    let (done, open): (Vec<&JobSpec>, Vec<&JobSpec>) =
-        jobs.iter().partition(|job| folder.result_of(job).is_some());
-    for job in &open {
-        folder.check_result_writable(job)?;
-        if let Some(problem) = folder.problem(job)? {
-            eprint_line(&format!("{problem}; it runs again"));
+impl Jobs<'_> {
+    /// Runs those of `jobs` that have no result until a signal arrives, and says which failed or
+    /// run elsewhere.
+    pub fn run_open(&self, jobs: &[&JobSpec]) -> Result<Outcome, Report> {
+        let Self { folder, options, .. } = self;
+        let (done, open): (Vec<&JobSpec>, Vec<&JobSpec>) =
+            jobs.iter().partition(|job| folder.result_of(job).is_some());
+        for job in &open {
+            folder.check_result_writable(job)?;
+            if let Some(problem) = folder.problem(job)? {
+                eprint_line(&format!("{problem}; it runs again"));
+            }
         }
+        let checkpoints = open.iter().map(|job| folder.checkpoint(job));
+        if let Some(longest) = checkpoints.max_by_key(|path| path.as_os_str().len()) {
+            check_writable(&longest).map_err(|error| {
+                let (help, path) = ("give --out another folder", longest.display());
+                miette!(help = help, "{path}: cannot be saved: {error}")
+            })?;
+        }
+        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
+        let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
+        let runner = Runner { all: self, termination, open, progress };
+        let ends = runner.run(parallel_jobs(options.jobs));
+        let named = |wanted: End| {
+            let found = runner.open.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
+            found.map(|(job, _)| &*job.name).collect::<Vec<_>>()
+        };
+        let (failed, others) = (named(End::Failed), named(End::Elsewhere));
+        if !failed.is_empty() {
+            let names = failed.join(", ");
+            eprint_line(&format!("{} failed: {names}", counted(failed.len() as u64, "job")));
+        }
+        if !others.is_empty() {
+            let names = others.join(", ");
+            eprint_line(&format!(
+                "other processes run {names}: once they are done, run this again for the whole \
+                 report"
+            ));
+        }
+        Ok(Outcome {
+            any_failed: !failed.is_empty(),
+            any_elsewhere: !others.is_empty(),
+            interrupted: runner.termination.status(),
+        })
     }
-    let checkpoints = open.iter().map(|job| folder.checkpoint(job));
-    if let Some(longest) = checkpoints.max_by_key(|path| path.as_os_str().len()) {
-        check_writable(&longest).map_err(|error| {
-            let (help, path) = ("give --out another folder", longest.display());
-            miette!(help = help, "{path}: cannot be saved: {error}")
-        })?;
-    }
-    eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
-    let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
-    let runner = Runner { folder, registry, termination, keep, jobs: open, progress };
-    let ends = runner.run(parallel);
-    let named = |wanted: End| {
-        let found = runner.jobs.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
-        found.map(|(job, _)| &*job.name).collect::<Vec<_>>()
-    };
-    let (failed, others) = (named(End::Failed), named(End::Elsewhere));
-    drop(runner.progress);
-    if !failed.is_empty() {
-        let names = failed.join(", ");
-        eprint_line(&format!("{} failed: {names}", counted(failed.len() as u64, "job")));
-    }
-    if !others.is_empty() {
-        let names = others.join(", ");
-        eprint_line(&format!(
-            "other processes run {names}: once they are done, run this again for the whole report"
-        ));
-    }
-    Ok(Outcome {
-        any_failed: !failed.is_empty(),
-        any_elsewhere: !others.is_empty(),
-        interrupted: runner.termination.status(),
-    })
 }
 
 impl Runner<'_> {
     /// Runs the jobs, the longest first; returns how each ended. A job that fails does not end the
     /// others.
     fn run(&self, parallel: usize) -> Vec<End> {
-        let all = self.jobs.len();
+        let all = self.open.len();
         let mut order: Vec<usize> = (0..all).collect();
         order.sort_by_key(|i| {
-            let length = self.jobs[*i].plan.length;
+            let length = self.open[*i].plan.length;
             std::cmp::Reverse((matches!(length, Length::Episodes(_)), length.amount()))
         });
         let (next, ended) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -147,20 +140,20 @@ impl Runner<'_> {
     }
 
     fn share_of(&self, i: usize, trainer: &Trainer) -> f64 {
-        let length = self.jobs[i].plan.length;
+        let length = self.open[i].plan.length;
         length.done(&trainer.counters()) as f64 / length.amount().max(1) as f64
     }
 
     fn say(&self, i: usize, text: &str) {
-        self.progress.line(&format!("{}: {text}", self.jobs[i].name));
+        eprint_line(&format!("{}: {text}", self.open[i].name));
     }
 
     /// Runs a job; an error or a panic becomes [`End::Failed`].
     fn run_guarded(&self, i: usize) -> End {
-        let job = self.jobs[i];
-        let run = || match self.folder.lock(job)? {
+        let job = self.open[i];
+        let run = || match self.all.folder.lock(job)? {
             // Another process may have finished it in the meantime.
-            Some(_) if self.folder.result_of(job).is_some() => Ok(End::Done),
+            Some(_) if self.all.folder.result_of(job).is_some() => Ok(End::Done),
             Some(_lock) => self.run_locked(i),
             None => Ok(End::Elsewhere),
         };
@@ -178,14 +171,14 @@ impl Runner<'_> {
     /// Runs a job to its end. If its result or checkpoint cannot be written, it is saved elsewhere:
     /// the next run resumes from there.
     fn run_locked(&self, i: usize) -> Result<End, Report> {
-        let job = self.jobs[i];
+        let job = self.open[i];
         let mut trainer = self.resume_or_begin(i)?;
         trainer.set_job(self.termination.job().clone());
         self.progress.begin(i, self.share_of(i, &trainer));
-        let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)));
+        let mut saver = Saver::new(SaveTo::Replace(self.all.folder.checkpoint(job)));
         let ended = self.train_and_finish(i, &mut trainer, &mut saver);
         if ended.is_err()
-            && self.folder.result_of(job).is_none()
+            && self.all.folder.result_of(job).is_none()
             && saver.save(&mut trainer).is_err()
         {
             let kept = save_elsewhere(&trainer, saver.path());
@@ -204,9 +197,9 @@ impl Runner<'_> {
         trainer: &mut Trainer,
         saver: &mut Saver,
     ) -> Result<End, Report> {
-        let job = self.jobs[i];
+        let job = self.open[i];
         let is_whole = self.train(i, trainer, saver)?;
-        if !is_whole || self.keep {
+        if !is_whole || !self.all.options.no_keep {
             saver.save(trainer)?;
         }
         if !is_whole {
@@ -215,14 +208,19 @@ impl Runner<'_> {
         let map = job.world.map().filter(|_| job.plan.picture);
         let picture = map.map(|map| measure::picture(trainer, map)).transpose()?;
         let measured = measure(&job.plan, trainer, job.world.map())?;
-        self.folder.finish(job, &job.result(trainer, measured), picture.as_deref(), self.keep)?;
+        self.all.folder.finish(
+            job,
+            &job.result(trainer, measured),
+            picture.as_deref(),
+            !self.all.options.no_keep,
+        )?;
         Ok(End::Done)
     }
 
     /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
     fn resume_or_begin(&self, i: usize) -> Result<Trainer, Report> {
-        let job = self.jobs[i];
-        let (own, length) = (self.folder.checkpoint(job), job.plan.length);
+        let job = self.open[i];
+        let (own, length) = (self.all.folder.checkpoint(job), job.plan.length);
         let (amount, unit) = (length.amount(), length.unit());
         // Includes where it was saved if its own file could not be written; `max_by_key` prefers
         // its own, the last, among equals.
@@ -230,7 +228,7 @@ impl Runner<'_> {
         if let Some(checkpoint) =
             found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
         {
-            match train::load(&checkpoint, self.registry, 1) {
+            match train::load(&checkpoint, self.all.registry, 1) {
                 Ok(trainer) if job.is_run_of(&trainer) => {
                     trainer.check_data().into_diagnostic()?;
                     let done = length.done(&trainer.counters());
@@ -242,8 +240,8 @@ impl Runner<'_> {
             }
         }
         self.say(i, &format!("begins, {amount} {unit}"));
-        let world = job.world.create(self.registry)?;
-        let mut trainer = begin(job.run.clone(), &*world, self.registry, 1)?;
+        let world = job.world.create(self.all.registry)?;
+        let mut trainer = begin(job.run.clone(), &*world, self.all.registry, 1)?;
         if let Some(data) = &job.plan.data {
             let untold = gdg::job::Job::default();
             let warning = learn_from(&mut trainer, &data.file, &untold)?;
@@ -252,15 +250,14 @@ impl Runner<'_> {
                 let help = "run it again";
                 return Err(miette!(help = help, "{file}: has changed since the experiment began"));
             }
-            warning.iter().for_each(|warning| self.progress.line(warning));
+            warning.iter().for_each(|warning| eprint_line(warning));
         }
         Ok(trainer)
     }
 
     /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
     fn train(&self, i: usize, trainer: &mut Trainer, saver: &mut Saver) -> Result<bool, Report> {
-        let plan = &self.jobs[i].plan;
-        let (evaluate, limits) = (plan.evaluate_at(), plan.length.limits());
+        let (evaluate, limits) = self.open[i].plan.schedule();
         let schedule =
             Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
         let mut session = Session::resume(schedule, trainer);
@@ -281,13 +278,12 @@ impl Runner<'_> {
             if let ControlFlow::Break(reason) = session.tick(trainer, &limits).into_diagnostic()? {
                 return Ok(reason != EndReason::Interrupted);
             }
-            self.progress.advance(i, self.share_of(i, trainer));
         }
     }
 
     /// Evaluates the present state; returns whether no signal arrived.
     fn evaluate(&self, i: usize, trainer: &mut Trainer) -> Result<bool, Report> {
-        let plan = &self.jobs[i].plan;
+        let plan = &self.open[i].plan;
         let (amount, unit) = (plan.length.amount(), plan.length.unit());
         let done = plan.length.done(&trainer.counters());
         let evaluated =
@@ -297,6 +293,7 @@ impl Runner<'_> {
         };
         let updates = trainer.counters().updates;
         let rate = updates as f64 / trainer.seconds().max(1e-3);
+        self.progress.advance(i, self.share_of(i, trainer));
         let (success, overall) = (evaluation.success(updates), self.progress.overall());
         self.say(i, &format!("{done} of {amount} {unit}, {success}, {rate:.0} updates/s{overall}"));
         if !evaluation.is_finite() && done >= amount {
@@ -307,83 +304,41 @@ impl Runner<'_> {
     }
 }
 
-/// Parts that the bar is divided into.
-const BAR_PARTS: u64 = 1000;
-
-/// Minimum time between two changes of the bar.
-const BAR_INTERVAL: Duration = Duration::from_millis(500);
-
-pub struct Progress {
-    bar: ProgressBar,
-    state: Mutex<State>,
-}
-
-struct State {
+/// How far all jobs are.
+struct Progress {
     /// The share done of each job, and what of that earlier processes have done.
-    shares: Vec<[f64; 2]>,
+    shares: Mutex<Vec<[f64; 2]>>,
     began: Instant,
-    shown: Instant,
 }
 
 impl Progress {
-    pub fn new(jobs: usize) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), progress_bar::target());
-        let template = "{bar:32} {percent:>3} %  {msg}  {elapsed_precise} so far";
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
-        }
-        let now = Instant::now();
-        Self {
-            bar,
-            state: Mutex::new(State { shares: vec![[0.0; 2]; jobs], began: now, shown: now }),
-        }
+    fn new(jobs: usize) -> Self {
+        Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Instant::now() }
     }
 
     /// Records the share of a job that earlier processes have done.
-    pub fn begin(&self, job: usize, share: f64) {
-        self.state.lock().shares[job] = [share; 2];
+    fn begin(&self, job: usize, share: f64) {
+        self.shares.lock()[job] = [share; 2];
     }
 
     /// Records the share of a job that is done; all of one that has failed or runs elsewhere.
-    pub fn advance(&self, job: usize, share: f64) {
-        let mut state = self.state.lock();
-        state.shares[job][0] = share;
-        if state.shown.elapsed() >= BAR_INTERVAL {
-            state.shown = Instant::now();
-            if let Some((share, seconds_left)) = state.estimate(state.began.elapsed()) {
-                self.bar.set_position((BAR_PARTS as f64 * share) as u64);
-                self.bar.set_message(format!("{} left", duration(seconds_left)));
-            }
-        }
+    fn advance(&self, job: usize, share: f64) {
+        self.shares.lock()[job][0] = share;
     }
 
-    pub fn line(&self, text: &str) {
-        self.bar.suspend(|| eprint_line(text));
-    }
-
-    /// Returns how far all jobs are, for the end of a line; nothing for a single job.
-    pub fn overall(&self) -> String {
-        let state = self.state.lock();
-        let several = state.shares.len() > 1;
-        let overall = if several { state.estimate(state.began.elapsed()) } else { None };
-        overall.map_or(String::new(), |(share, seconds_left)| {
+    /// Returns how far all jobs are, for the end of a line.
+    fn overall(&self) -> String {
+        self.estimate(self.began.elapsed()).map_or(String::new(), |(share, seconds_left)| {
             format!("; all jobs {:.0} %, {} left", 100.0 * share, duration(seconds_left))
         })
     }
-}
 
-impl Drop for Progress {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
-    }
-}
-
-impl State {
     /// Returns the share of all jobs that is done, each of which counts the same, and the seconds
     /// left; `None` before anything is known.
     fn estimate(&self, elapsed: Duration) -> Option<(f64, f64)> {
-        let sum = |i: usize| self.shares.iter().map(|shares| shares[i]).sum::<f64>();
-        let (all, done, here) = (self.shares.len() as f64, sum(0), sum(0) - sum(1));
+        let shares = self.shares.lock();
+        let sum = |i: usize| shares.iter().map(|shares| shares[i]).sum::<f64>();
+        let (all, done, here) = (shares.len() as f64, sum(0), sum(0) - sum(1));
         (here > 0.0).then(|| (done / all, elapsed.as_secs_f64() * (all - done) / here))
     }
 }
@@ -395,7 +350,7 @@ mod tests {
     #[test]
     fn the_time_left_follows_from_what_this_process_has_done() {
         let progress = Progress::new(2);
-        let estimate = || progress.state.lock().estimate(Duration::from_secs(30));
+        let estimate = || progress.estimate(Duration::from_secs(30));
         progress.begin(0, 0.5);
         assert_eq!(estimate(), None);
         progress.advance(0, 1.0);

@@ -1,35 +1,32 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
-mod columns;
 mod join;
 mod reader;
 mod records;
 
-use std::borrow::Cow;
+use std::cmp::Ordering;
 use std::collections::HashSet;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use jiff::Timestamp;
 use miette::{Report, miette};
 use serde::Serialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::folder::read_result;
 use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::host::report::from_checkpoint_error;
-use crate::host::runs::files_in;
-pub use columns::{COLUMNS, WRITTEN, name, table};
+use crate::host::runs::{ago, files_in, rate};
 use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
-use gdg::text::{counted, sanitized};
+use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-pub use join::{Dated, join_resumed};
-use join::{join, whole};
+pub use join::join_resumed;
 pub use reader::{Found, Reader};
-pub use records::{Ending, Skipped};
 
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
@@ -40,11 +37,15 @@ pub const EDITED: &str = "edited";
 const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
                     checkpoint, or the records of gdg-tui --no-ui in a file";
 
-/// A run's evaluations, and what it is.
-#[derive(Clone, Debug, PartialEq)]
+/// A run with its evaluations, or a file that has none that can be read.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SavedRun {
     pub source: PathBuf,
     pub kind: Kind,
+    /// When its file was written.
+    pub written: Option<SystemTime>,
+    /// What has become of it; unknown of records without an end.
+    pub end: Option<State>,
     /// Its map, or the world if there is none.
     pub map: String,
     /// What tells that apart from others of its name, if it is known; [`EDITED`] if it changed.
@@ -65,19 +66,21 @@ pub struct SavedRun {
     pub checkpoint: Option<PathBuf>,
     /// Its other files, which are not listed besides.
     pub others: Vec<PathBuf>,
-    /// What of its records cannot be read.
-    pub skipped: Skipped,
+    /// Why it cannot be read, or the first line of its records that cannot, as it follows the name
+    /// of the file: `:3: not a record`.
+    pub problem: Option<String>,
 }
 
-/// What distinguishes a run from others: its map with its fingerprint, method, settings and seed.
-pub type Identity = (String, Option<String>, String, Vec<String>, u64);
-
 /// What a run was read from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Kind {
+    #[default]
+    Records,
     Result,
     Checkpoint,
-    Records(Ending),
+    /// Nothing: the file, or the folder, cannot be read.
+    Damaged,
 }
 
 /// What has become of a run.
@@ -106,178 +109,216 @@ impl State {
 }
 
 impl SavedRun {
-    /// Returns what has become of it, given when its file was `written`.
-    pub fn state(&self, written: Option<SystemTime>) -> State {
-        let grows = || {
-            // Another machine's clock may be ahead.
-            let age = written.map(|at| at.elapsed().unwrap_or_default());
-            age.is_some_and(|age| age < QUIET)
-        };
-        match self.kind {
-            Kind::Result | Kind::Records(Ending::Finished) => State::Done,
-            Kind::Checkpoint | Kind::Records(Ending::Continued) => State::Saved,
-            Kind::Records(Ending::Interrupted) => State::Interrupted,
-            Kind::Records(Ending::Open) if grows() => State::Running,
-            Kind::Records(Ending::Open) => State::CutOff,
-        }
-    }
-
     pub fn of_result(result: JobResult, source: PathBuf) -> Self {
         let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
         Self {
             source,
             kind: Kind::Result,
+            end: Some(State::Done),
             fingerprint: result.fingerprint().map(str::to_owned),
             map: result.world,
             method: result.method.name(),
             variant: result.variant,
             settings: with_preset(result.preset.name(), result.settings),
             seed: result.seed,
-            begun: 0,
-            resumed: None,
             updates: result.updates,
             evaluations: result.evaluations,
             others: checkpoint.iter().cloned().collect(),
             checkpoint,
-            skipped: Skipped::default(),
+            ..Self::default()
         }
     }
 
-    /// Returns what of its records is left out, for a line of its own.
+    fn damaged(source: &Path, problem: &Report) -> Self {
+        let (text, name) = (problem.to_string(), source.display().to_string());
+        let problem = text.strip_prefix(&name).map_or(format!(": {text}"), str::to_owned);
+        let problem = Some(sanitized(&problem));
+        Self { source: source.to_owned(), kind: Kind::Damaged, problem, ..Self::default() }
+    }
+
+    pub fn is_damaged(&self) -> bool {
+        self.kind == Kind::Damaged
+    }
+
+    pub fn state(&self) -> State {
+        self.end.unwrap_or_else(|| {
+            // Another machine's clock may be ahead.
+            let age = self.written.map(|at| at.elapsed().unwrap_or_default());
+            if age.is_some_and(|age| age < QUIET) { State::Running } else { State::CutOff }
+        })
+    }
+
+    /// Returns what of it is left out, for a line of its own.
     pub fn note(&self) -> Option<String> {
-        let Self { source, skipped, .. } = self;
-        (skipped.lines > 0).then(|| sanitized(&format!("{}:{skipped}: left out", source.display())))
+        let (source, problem) = (self.source.display().to_string(), self.problem.as_ref()?);
+        Some(format!("{}{problem}: left out", sanitized(&source)))
     }
 
     /// Returns what distinguishes it from the other runs of its file.
-    pub fn identity(&self) -> Identity {
-        let world = (self.map.clone(), self.fingerprint.clone());
-        (world.0, world.1, self.method.clone(), self.settings.clone(), self.seed)
+    pub fn identity(&self) -> (&str, Option<&str>, &str, &[String], u64) {
+        (&self.map, self.fingerprint.as_deref(), &self.method, &self.settings, self.seed)
     }
 
-    pub fn last(&self) -> Option<&Evaluation> {
-        self.evaluations.last().map(|at| &at.evaluation)
+    fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
+        value(&self.evaluations.last()?.evaluation)
     }
-}
 
-/// A run as a line of JSON.
-#[derive(Debug, Serialize)]
-pub struct RunLine<'a> {
-    file: Cow<'a, str>,
-    /// What the file is: `checkpoint`, `result` or `records`.
-    kind: &'static str,
-    state: &'static str,
-    map: &'a str,
-    /// What tells that apart from others of its name, if it is known.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fingerprint: Option<&'a str>,
-    method: &'a str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    variant: Option<&'a str>,
-    seed: u64,
-    /// The preset, and settings that differ from it.
-    settings: Map<String, Value>,
-    updates: u64,
-    /// Updates at the last evaluation, and its results.
-    evaluated_at: Option<u64>,
-    success: Option<f64>,
-    greedy: Option<f64>,
-    distance_error: Option<f64>,
-    coverage: Option<f64>,
-    written: Option<String>,
-    checkpoint: Option<Cow<'a, str>>,
-}
-
-impl SavedRun {
-    /// Returns it as a line of JSON, given when its file was `written`.
-    pub fn line(&self, written: Option<SystemTime>) -> RunLine<'_> {
-        let last = self.evaluations.last();
-        let evaluation = last.map(|at| &at.evaluation);
+    /// Returns it as an object of JSON.
+    pub fn json(&self) -> Value {
         let setting = |text: &String| {
             let (name, value) = text.split_once('=')?;
             let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
             Some((name.to_owned(), value))
         };
-        RunLine {
-            // JSON has no bytes that are not text.
-            file: self.source.to_string_lossy(),
-            kind: match self.kind {
-                Kind::Result => "result",
-                Kind::Checkpoint => "checkpoint",
-                Kind::Records(_) => "records",
-            },
-            state: self.state(written).name(),
-            map: &self.map,
-            fingerprint: self.fingerprint.as_deref(),
-            method: &self.method,
-            variant: self.variant.as_deref(),
-            seed: self.seed,
-            settings: self.settings.iter().filter_map(setting).collect(),
-            updates: self.updates,
-            evaluated_at: last.map(|at| at.updates),
-            success: evaluation.and_then(Evaluation::success_rate),
-            greedy: evaluation.and_then(|last| last.greedy.success),
-            distance_error: evaluation.and_then(|last| Some(last.distance_error?.mape)),
-            coverage: evaluation.and_then(|last| last.coverage),
-            written: written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string())),
-            // It may have been deleted since.
-            checkpoint: self
-                .checkpoint
-                .as_deref()
-                .filter(|path| path.is_file())
-                .map(Path::to_string_lossy),
-        }
+        let written = self.written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string()));
+        // It may have been deleted since. JSON has no bytes that are not text.
+        let checkpoint = self.checkpoint.as_deref().filter(|path| path.is_file());
+        json!({
+            "file": self.source.to_string_lossy(),
+            "kind": self.kind,
+            "state": self.state().name(),
+            "map": self.map,
+            "fingerprint": self.fingerprint,
+            "method": self.method,
+            "variant": self.variant,
+            "seed": self.seed,
+            "settings": self.settings.iter().filter_map(setting).collect::<Map<_, _>>(),
+            "updates": self.updates,
+            "evaluated_at": self.evaluations.last().map(|at| at.updates),
+            "success": self.of_last(Evaluation::success_rate),
+            "greedy": self.of_last(|last| last.greedy.success),
+            "distance_error": self.of_last(|last| Some(last.distance_error?.mape)),
+            "coverage": self.of_last(|last| last.coverage),
+            "written": written,
+            "checkpoint": checkpoint.map(Path::to_string_lossy),
+        })
     }
+}
+
+/// A column of a list of runs, which is printed as a table or shown on the screen.
+pub struct Column {
+    pub name: &'static str,
+    /// What it says about a run.
+    pub cell: fn(&SavedRun) -> String,
+    /// The number that runs are sorted by, instead of what the column says.
+    pub number: Option<fn(&SavedRun) -> Option<f64>>,
+}
+
+/// All columns from left to right. The last one may be of any width.
+pub const COLUMNS: [Column; 9] = [
+    text("map", |run| sanitized(&run.map)),
+    text("method", |run| {
+        let variant = run.variant.as_ref().map_or(String::new(), |name| format!(" {name}"));
+        sanitized(&format!("{}{variant}", run.method))
+    }),
+    // The first one first.
+    number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
+    number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
+    number("success", |run| rate(success(run)), success),
+    number("greedy", |run| rate(greedy(run)), greedy),
+    text("state", |run| run.state().name().to_owned()),
+    number(
+        "written",
+        |run| run.written.and_then(ago).unwrap_or_default(),
+        |run| run.written?.duration_since(UNIX_EPOCH).ok().map(|since| since.as_secs_f64()),
+    ),
+    text("file", |run| name(&run.source)),
+];
+
+/// The index of the column by which runs are sorted at first.
+pub const WRITTEN: usize = 7;
+
+const fn text(name: &'static str, cell: fn(&SavedRun) -> String) -> Column {
+    Column { name, cell, number: None }
+}
+
+const fn number(
+    name: &'static str,
+    cell: fn(&SavedRun) -> String,
+    number: fn(&SavedRun) -> Option<f64>,
+) -> Column {
+    Column { name, cell, number: Some(number) }
+}
+
+fn success(run: &SavedRun) -> Option<f64> {
+    run.of_last(Evaluation::success_rate)
+}
+
+fn greedy(run: &SavedRun) -> Option<f64> {
+    run.of_last(|last| last.greedy.success)
+}
+
+/// A file's name, safe to show.
+pub fn name(file: &Path) -> String {
+    sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
+}
+
+impl Column {
+    /// Compares runs: the largest numbers come first unless the order is `reversed`, runs without
+    /// one last in both.
+    pub fn compare(&self, a: &SavedRun, b: &SavedRun, reversed: bool) -> Ordering {
+        let order = match self.number.map(|number| (number(a), number(b))) {
+            Some((Some(a), Some(b))) => b.total_cmp(&a),
+            Some((a, b)) => return b.is_some().cmp(&a.is_some()),
+            None => (self.cell)(a).to_lowercase().cmp(&(self.cell)(b).to_lowercase()),
+        };
+        if reversed { order.reverse() } else { order }
+    }
+}
+
+/// The table of runs, the newest first, with the paths of their files.
+pub fn table(mut runs: Vec<Arc<SavedRun>>) -> String {
+    runs.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
+    let row = |run: &Arc<SavedRun>| {
+        let mut cells = COLUMNS.each_ref().map(|column| (column.cell)(run));
+        cells[COLUMNS.len() - 1] = sanitized(&run.source.to_string_lossy());
+        cells.to_vec()
+    };
+    let head = COLUMNS.each_ref().map(|column| column.name.to_owned()).to_vec();
+    aligned(&std::iter::once(head).chain(runs.iter().map(row)).collect::<Vec<_>>())
 }
 
 fn with_preset(preset: &str, settings: impl IntoIterator<Item = String>) -> Vec<String> {
     [format!("preset={preset}")].into_iter().chain(settings).collect()
 }
 
-/// Reads all runs at `paths`, says how far it is, and what in folders cannot be used.
+/// Reads all runs at `paths` that were evaluated, says how far it is, and what in folders cannot be
+/// used.
 pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
-    let (mut runs, mut notes) = (Vec::new(), Vec::new());
-    for (i, path) in paths.iter().enumerate() {
-        progress.begin(i, paths.len());
-        if !path.is_dir() {
-            runs.extend(file(path)?);
-            continue;
+    progress.begin(0, 1);
+    let found = Reader::new(paths).read(|[file, files], _| {
+        progress.set(file, files);
+        ControlFlow::Continue(())
+    });
+    let all = found.runs.into_iter().map(Arc::unwrap_or_clone);
+    let (damaged, mut runs): (Vec<SavedRun>, Vec<SavedRun>) = all.partition(SavedRun::is_damaged);
+    // What is named is not left out.
+    let named = damaged.iter().find(|run| paths.contains(&run.source));
+    if let Some(SavedRun { source, problem, .. }) = named {
+        if !source.is_dir() {
+            file(source)?;
         }
-        let (before, files) = (runs.len(), files_of(path)?);
-        for (i, path) in files.iter().enumerate() {
-            progress.set(i, files.len());
-            match file(path) {
-                Ok(found) => runs.extend(found),
-                Err(problem) => notes.push(format!("{problem}: left out")),
-            }
-        }
-        if runs.len() == before {
-            return Err(miette!(help = HELP, "{}: no runs here{}", path.display(), lines(&notes)));
-        }
+        let (source, problem) = (source.display(), problem.as_deref().unwrap_or_default());
+        return Err(miette!(help = HELP, "{source}{problem}"));
     }
-    // A file may be named twice, or be in a folder that is.
-    let mut known = HashSet::new();
-    runs.retain(|run| known.insert((whole(&run.source), run.identity())));
-    // The checkpoints may be in another folder than the records.
-    let joined = join(runs.into_iter().map(|run| (Arc::new(run), None)).collect());
-    let mut runs: Vec<_> = joined.into_iter().map(|(run, _)| Arc::unwrap_or_clone(run)).collect();
-    notes.extend(runs.iter().filter_map(SavedRun::note));
-    let evaluated = runs.iter().filter(|run| !run.evaluations.is_empty()).count();
-    if evaluated == 0 {
-        let source = runs.first().map_or(String::new(), |run| run.source.display().to_string());
+    let mut notes: Vec<String> = damaged.iter().chain(&runs).filter_map(SavedRun::note).collect();
+    let lines: String = notes.iter().map(|note| format!("\n{note}")).collect();
+    let first = runs.first().map_or(paths.first(), |run| Some(&run.source));
+    let first = first.map_or(String::new(), |path| path.display().to_string());
+    if runs.is_empty() {
+        return Err(miette!(help = HELP, "{first}: no runs here{lines}"));
+    }
+    let all = runs.len();
+    runs.retain(|run| !run.evaluations.is_empty());
+    if runs.is_empty() {
         let help = "runs are evaluated on the way with --eval-every-updates N, and at the end";
-        return Err(miette!(help = help, "{source}: no evaluation yet{}", lines(&notes)));
+        return Err(miette!(help = help, "{first}: no evaluation yet{lines}"));
     }
-    if evaluated < runs.len() {
-        let without = counted((runs.len() - evaluated) as u64, "run");
+    if runs.len() < all {
+        let without = counted((all - runs.len()) as u64, "run");
         notes.push(format!("{without} without an evaluation yet: left out"));
-        runs.retain(|run| !run.evaluations.is_empty());
     }
     Ok((runs, notes))
-}
-
-fn lines(notes: &[String]) -> String {
-    notes.iter().map(|note| format!("\n{note}")).collect()
 }
 
 /// Returns the files with runs in a folder: results, records and checkpoints of its jobs if it is
@@ -310,17 +351,13 @@ pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
     if has_extension(path, "json") {
         match read_result(path) {
             Ok(result) => return Ok(vec![SavedRun::of_result(result, path.to_owned())]),
-            Err(problem) if is_of_job(path) => {
-                return Err(miette!("{}", sanitized(&format!("{}: {problem}", path.display()))));
+            Err(problem) if path.parent().is_some_and(|parent| parent.ends_with("jobs")) => {
+                return Err(problem);
             }
             Err(_) => {}
         }
     }
     records::read(path)
-}
-
-fn is_of_job(path: &Path) -> bool {
-    path.parent().is_some_and(|parent| parent.ends_with("jobs"))
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> Report {
@@ -337,21 +374,18 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: Kind::Checkpoint,
+        end: Some(State::Saved),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: match history.edits() {
             [] => found.fingerprint.clone(),
             _ => Some(EDITED.to_owned()),
         },
         method: found.run.method.name(),
-        variant: None,
         settings: with_preset(found.run.preset.name(), settings),
         seed: found.run.seed,
-        begun: 0,
-        resumed: None,
         updates: found.updates,
         evaluations,
         checkpoint: Some(path.to_owned()),
-        others: Vec::new(),
-        skipped: Skipped::default(),
+        ..SavedRun::default()
     })
 }

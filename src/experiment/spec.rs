@@ -175,8 +175,8 @@ pub fn setting_text(name: &str, value: &Value) -> String {
 }
 
 pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
-    let evaluation = |(updates, evaluation): &(u64, Evaluation)| {
-        let made = history.moment(*updates);
+    let evaluation = |(i, (updates, evaluation)): (usize, &(u64, Evaluation))| {
+        let made = history.moment(i);
         EvaluationAt {
             updates: *updates,
             env_steps: made.map(|made| made.env_steps),
@@ -184,7 +184,7 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
             evaluation: evaluation.clone(),
         }
     };
-    history.evaluations().iter().map(evaluation).collect()
+    history.evaluations().iter().enumerate().map(evaluation).collect()
 }
 
 /// A finished job, as stored in its JSON file.

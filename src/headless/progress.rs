@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::updates_per_second;
-use crate::host::progress_bar::{self, duration};
+use crate::host::waiting::{duration, progress_bar};
 use gdg::train::{Limits, Trainer};
 
 /// Parts that the bar is divided into.
@@ -22,31 +22,23 @@ pub struct Progress {
     eval_every_updates: Option<u64>,
     /// Evaluations made by this process, and the time they took.
     evaluations: (u32, Duration),
-    /// Seconds trained before: the bar of a limit of seconds begins there.
-    from_seconds: f64,
     shown: Option<Instant>,
 }
 
 impl Progress {
-    /// Creates the progress of a run that has been trained for `seconds` before.
-    pub fn new(limits: &Limits, eval_every_updates: Option<u64>, seconds: f64) -> Self {
+    pub fn new(limits: &Limits, eval_every_updates: Option<u64>) -> Self {
         let ends = *limits != Limits::default();
-        let length = ends.then_some(BAR_PARTS as u64);
-        let bar = ProgressBar::with_draw_target(length, progress_bar::target());
         let template = if ends {
             "{bar:32} {percent:>3} %  {msg}"
         } else {
             "{spinner} {msg}  {elapsed_precise}"
         };
-        if let Ok(style) = ProgressStyle::with_template(template) {
-            bar.set_style(style);
-        }
+        let bar = progress_bar(ends.then_some(BAR_PARTS as u64), template);
         Self {
             bar,
             limits: *limits,
             eval_every_updates,
             evaluations: (0, Duration::ZERO),
-            from_seconds: seconds,
             shown: None,
         }
     }
@@ -82,27 +74,13 @@ impl Progress {
             // Ticks need a thread, which may fail to start.
             self.bar.enable_steady_tick(BAR_INTERVAL);
         }
-        let updates = trainer.counters().updates;
+        let (updates, seconds) = (trainer.counters().updates, trainer.seconds());
         let left = self.seconds_left(trainer);
+        let share = left.map_or(0.0, |left| seconds / (seconds + left));
         let left = left.map_or(String::new(), |left| format!("  {} left", duration(left)));
         let rate = updates_per_second(trainer);
         self.bar.set_message(format!("{updates} updates, {rate:.0}/s{left}"));
-        self.bar.set_position((BAR_PARTS * self.share(trainer)) as u64);
-    }
-
-    /// Returns the share of the limit that is nearest, from 0 to 1.
-    fn share(&self, trainer: &Trainer) -> f64 {
-        let Limits { updates, seconds, episodes, env_steps } = self.limits;
-        let counters = trainer.counters();
-        let of = |done: f64, all: f64| if all > 0.0 { done / all } else { 1.0 };
-        let from = self.from_seconds;
-        let shares = [
-            updates.map(|all| of(counters.updates as f64, all as f64)),
-            episodes.map(|all| of(counters.episodes as f64, all as f64)),
-            env_steps.map(|all| of(counters.env_steps as f64, all as f64)),
-            seconds.map(|until| of(trainer.seconds() - from, until - from)),
-        ];
-        shares.into_iter().flatten().fold(0.0, f64::max).min(1.0)
+        self.bar.set_position((BAR_PARTS * share) as u64);
     }
 
     pub fn finish(&self) {
@@ -119,14 +97,19 @@ fn evaluations_due(from: u64, end: u64, every: Option<u64>) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::evaluations_due;
 
     #[test]
     fn evaluations_are_counted_to_the_one_at_the_end() {
-        assert_eq!(evaluations_due(1_000, 8_000, Some(1_000)), 8, "that at 1,000 is still to come");
-        assert_eq!(evaluations_due(1_001, 8_000, Some(1_000)), 7);
-        assert_eq!(evaluations_due(7_001, 8_500, Some(1_000)), 2);
-        assert_eq!(evaluations_due(1_000, 8_000, None), 1);
-        assert_eq!(evaluations_due(8_000, 8_000, Some(1_000)), 1);
+        for (from, end, every, due) in [
+            // That at 1,000 is still to come.
+            (1_000, 8_000, Some(1_000), 8),
+            (1_001, 8_000, Some(1_000), 7),
+            (7_001, 8_500, Some(1_000), 2),
+            (1_000, 8_000, None, 1),
+            (8_000, 8_000, Some(1_000), 1),
+        ] {
+            assert_eq!(evaluations_due(from, end, every), due, "{from} to {end}");
+        }
     }
 }

@@ -1,10 +1,9 @@
 //! The metrics of a run as CSV: a line per progress record and per evaluation.
 
 use std::fs::{File, TryLockError};
-use std::io::{Seek, SeekFrom};
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use csv::{ByteRecord, StringRecord};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::updates_per_second;
@@ -13,7 +12,7 @@ use crate::host::setup::Setup;
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;
-use gdg::train::{Evaluation, Score, Trainer};
+use gdg::train::{Evaluation, Trainer};
 
 /// Columns of every line.
 const PROGRESS: [&str; 9] = [
@@ -28,20 +27,28 @@ const PROGRESS: [&str; 9] = [
     "actor_loss",
 ];
 
+/// Number of the columns of losses, which come last.
+const LOSSES: usize = 3;
+
+type Metric = fn(&Evaluation) -> Option<f64>;
+
 /// Columns of evaluations, besides success at each distance.
-const EVALUATION: [&str; 12] = [
-    "coverage",
-    "greedy_success",
-    "greedy_spl",
-    "planned_success",
-    "planned_spl",
-    "error",
-    "near_error",
-    "graph_error",
-    "candidates",
-    "edges",
-    "false_edges",
-    "goal_distance_left",
+const EVALUATION: [(&str, Metric); 12] = [
+    ("coverage", |found| found.coverage),
+    ("greedy_success", |found| found.greedy.success),
+    ("greedy_spl", |found| found.greedy.spl),
+    ("planned_success", |found| found.planned.as_ref()?.success),
+    ("planned_spl", |found| found.planned.as_ref()?.spl),
+    ("error", |found| Some(found.distance_error?.mape)),
+    ("near_error", |found| Some(found.distance_error?.near_mape)),
+    ("graph_error", |found| Some(found.distance_error?.graph?.mape)),
+    ("candidates", |found| Some(found.bridges.as_ref()?.candidates as f64)),
+    ("edges", |found| Some(found.bridges.as_ref()?.edges as f64)),
+    ("false_edges", |found| Some(found.bridges.as_ref()?.false_edges? as f64)),
+    ("goal_distance_left", |found| {
+        let marked = found.marked?;
+        Some(f64::from(marked.planned.unwrap_or(marked.greedy).left_straight?))
+    }),
 ];
 
 /// Distances at which tasks are evaluated, at most.
@@ -50,21 +57,18 @@ const DISTANCES: usize = 6;
 /// Size limit of a table that a resumed run continues.
 const MAX_BYTES: u64 = 1 << 30;
 
-fn column_names() -> impl Iterator<Item = String> {
+/// Returns the first line. No name and no number contains a comma.
+fn head() -> String {
+    let names = PROGRESS.into_iter().chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
     let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
-    PROGRESS
-        .into_iter()
-        .chain(EVALUATION)
-        .map(str::to_owned)
-        .chain(at("greedy"))
-        .chain(at("planned"))
+    names.chain(at("greedy")).chain(at("planned")).collect::<Vec<_>>().join(",")
 }
 
 /// The table, while it is written.
 pub struct Table {
     path: PathBuf,
     /// `None` once writing has failed.
-    writer: Option<csv::Writer<File>>,
+    file: Option<File>,
 }
 
 impl Table {
@@ -79,7 +83,7 @@ impl Table {
             return Err(in_use());
         }
         let is_there = setup.resumed.is_some() && path.exists();
-        let file = match is_there.then(|| go_on(path, &setup.trainer)) {
+        let mut file = match is_there.then(|| go_on(path, &setup.trainer)) {
             None => create(path, overwrite)?,
             Some(Err(_)) if overwrite => create(path, true)?,
             Some(file) => file?,
@@ -88,31 +92,23 @@ impl Table {
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(in_use());
         }
-        let is_empty = file.metadata().is_ok_and(|found| found.len() == 0);
-        let mut writer = csv::Writer::from_writer(file);
-        if is_empty {
-            writer.write_record(column_names()).into_diagnostic()?;
-            writer
-                .flush()
-                .into_diagnostic()
-                .wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+        if file.metadata().is_ok_and(|found| found.len() == 0) {
+            let written = writeln!(file, "{}", head()).into_diagnostic();
+            written.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
         }
-        Ok(Self { path: path.to_owned(), writer: Some(writer) })
+        Ok(Self { path: path.to_owned(), file: Some(file) })
     }
 
     /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no
     /// longer be written, reports that once; training continues.
     pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
-        let Some(writer) = &mut self.writer else { return };
-        let line = progress(trainer, evaluation.is_some()).into_iter().chain(results(evaluation));
-        let written =
-            writer.write_record(line).map_err(std::io::Error::from).and_then(|()| writer.flush());
-        if let Err(error) = written {
+        let Some(file) = &mut self.file else { return };
+        if let Err(error) = file.write_all(row(trainer, evaluation).as_bytes()) {
             eprint_line(&format!(
                 "{}: cannot be written, so the table ends here: {error}",
                 self.path.display()
             ));
-            self.writer = None;
+            self.file = None;
         }
     }
 }
@@ -129,169 +125,68 @@ fn go_on(path: &Path, trainer: &Trainer) -> Result<File, Report> {
         let help = "give --csv another name, or --overwrite to replace the file";
         miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
     })?;
-    let is_header = !table[..kept as usize].trim_ascii_end().contains(&b'\n');
-    if is_header && table.len() as u64 > kept {
-        let copy = files::write_to_unused(path, &table).map_err(unreadable)?;
-        let (path, copy) = (path.display(), copy.display());
-        eprint_line(&format!(
-            "{path}: begins anew, as all of its rows are later; they are in {copy}"
-        ));
-    }
     let mut file = files::open_or_create(path).map_err(unreadable)?;
-    file.set_len(kept).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
+    file.set_len(kept as u64).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
     Ok(file)
 }
 
-fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
-    let (counters, losses) = (trainer.counters(), trainer.losses());
-    let mut line = vec![if evaluated { "evaluation" } else { "progress" }.to_owned()];
-    line.push(format!("{:.3}", trainer.seconds()));
-    line.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
-    line.push(format!("{:.1}", updates_per_second(trainer)));
-    line.extend(self::losses([losses.critic, losses.model, losses.actor]));
-    line
-}
-
-/// Returns the columns of the losses; empty for missing losses.
-fn losses(losses: [f32; 3]) -> [String; 3] {
-    losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
-}
-
-/// Returns the columns of an evaluation; empty for missing numbers.
-fn results(evaluation: Option<&Evaluation>) -> Vec<String> {
-    let Some(evaluation) = evaluation else {
-        return vec![String::new(); EVALUATION.len() + 2 * DISTANCES];
-    };
+/// Returns a line of the table; what is missing is empty.
+fn row(trainer: &Trainer, evaluation: Option<&Evaluation>) -> String {
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    let Evaluation { greedy, planned, distance_error, bridges, coverage, marked, .. } = evaluation;
-    let planned = planned.as_ref();
-    let left = marked.and_then(|marked| marked.planned.unwrap_or(marked.greedy).left_straight);
-    let bridges = bridges.as_ref();
-    let mut line = vec![
-        number(*coverage),
-        number(greedy.success),
-        number(greedy.spl),
-        number(planned.and_then(|score| score.success)),
-        number(planned.and_then(|score| score.spl)),
-        number(distance_error.map(|error| error.mape)),
-        number(distance_error.map(|error| error.near_mape)),
-        number(distance_error.and_then(|error| Some(error.graph?.mape))),
-        number(bridges.map(|bridges| bridges.candidates as f64)),
-        number(bridges.map(|bridges| bridges.edges as f64)),
-        number(bridges.and_then(|bridges| Some(bridges.false_edges? as f64))),
-        number(left.map(f64::from)),
+    let (counters, losses) = (trainer.counters(), trainer.losses());
+    let mut row = vec![
+        if evaluation.is_some() { "evaluation" } else { "progress" }.to_owned(),
+        format!("{:.3}", trainer.seconds()),
     ];
-    let at = |score: Option<&Score>, i: usize| Some(number(score?.by_distance.get(i)?.success));
-    for score in [Some(greedy), planned] {
-        line.extend((0..DISTANCES).map(|i| -> String { at(score, i).unwrap_or_default() }));
+    row.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
+    row.push(format!("{:.1}", updates_per_second(trainer)));
+    row.extend(self::losses([losses.critic, losses.model, losses.actor]));
+    row.extend(EVALUATION.map(|(_, metric)| number(evaluation.and_then(metric))));
+    let planned = evaluation.and_then(|found| found.planned.as_ref());
+    for score in [evaluation.map(|found| &found.greedy), planned] {
+        row.extend(
+            (0..DISTANCES).map(|i| number(score.and_then(|s| s.by_distance.get(i)?.success))),
+        );
     }
-    line
+    row.join(",") + "\n"
+}
+
+fn losses(losses: [f32; LOSSES]) -> [String; LOSSES] {
+    losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
 }
 
 /// Returns the length in bytes of the rows in `table` that the run of `trainer` had written when it
 /// was saved. Later rows, and a last one that was cut off, are to be written again; if all are later,
 /// they may be another run's.
-fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
-    let complete = table.iter().rposition(|byte| *byte == b'\n').map_or(0, |last| last + 1);
-    let rows =
-        csv::ReaderBuilder::new().has_headers(false).flexible(true).from_reader(&table[..complete]);
-    let mut rows = rows.into_byte_records();
-    match rows.next().map(|row| row.map(|row| as_text(&row))) {
-        None if table.is_empty() => return Ok(0),
-        Some(Ok(row)) if row.iter().eq(column_names()) => {}
-        Some(Ok(row)) if row.get(0) == Some(PROGRESS[0]) => {
-            return Err("it has other columns".to_owned());
+fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
+    let (now, history) = (trainer.counters().updates, trainer.history());
+    // An evaluation may have followed the save.
+    let is_evaluated = history.evaluations().iter().any(|(updates, _)| *updates == now);
+    let mut lines = table.split_inclusive(|byte| *byte == b'\n');
+    let Some(first) = lines.next() else { return Ok(0) };
+    let head = head();
+    if first.trim_ascii_end() != head.as_bytes() {
+        return Err("it is not a table of metrics, or has other columns".to_owned());
+    }
+    let mut kept = first.len();
+    for (line, number) in lines.filter(|line| line.ends_with(b"\n")).zip(2..) {
+        let text = String::from_utf8_lossy(line);
+        let cells: Vec<&str> = text.trim_end().split(',').collect();
+        let updates = cells.get(2).and_then(|cell| cell.parse::<u64>().ok());
+        let updates = updates.filter(|_| cells.len() == head.split(',').count());
+        let updates = updates.ok_or_else(|| format!("line {number} is not a row of one"))?;
+        if updates > now || updates == now && cells[0] == "evaluation" && !is_evaluated {
+            break;
         }
-        _ => return Err("it is not a table of metrics".to_owned()),
-    }
-    let (mut kept, mut matches, mut before, mut is_later) = (None, false, 0, true);
-    for row in rows {
-        let row = row.map_err(|error| error.to_string())?;
-        let at = row.position().map_or(0, |at| at.byte() as usize);
-        // The reader counts a line's LF after its CR to the next row.
-        let begin = at + table[at..].iter().take_while(|byte| b"\r\n".contains(byte)).count();
-        let line = || table[..begin].split(|byte| *byte == b'\n').count();
-        let row = Row::parse(&as_text(&row))
-            .ok_or_else(|| format!("line {} is not a row of such a table", line()))?;
-        if row.updates < before {
-            return Err(format!("its updates go back in line {}", line()));
-        }
-        before = row.updates;
-        if kept.is_none() && row.is_before(trainer) {
-            is_later = false;
-            matches |=
-                row.matches(trainer).ok_or_else(|| format!("line {} is of another run", line()))?;
-        } else {
-            kept.get_or_insert(begin as u64);
-        }
-    }
-    if matches || is_later {
-        Ok(kept.unwrap_or(complete as u64))
-    } else {
-        Err("none of its rows shows that it is this run's".to_owned())
-    }
-}
-
-fn as_text(row: &ByteRecord) -> StringRecord {
-    StringRecord::from_byte_record_lossy(row.clone())
-}
-
-/// The columns of a row that identify its run.
-struct Row {
-    is_evaluation: bool,
-    updates: u64,
-    losses: Vec<String>,
-    results: Vec<String>,
-}
-
-impl Row {
-    fn parse(row: &StringRecord) -> Option<Self> {
-        let is_evaluation = match row.get(0)? {
-            "evaluation" => true,
-            "progress" => false,
-            _ => return None,
-        };
-        let texts =
-            |from: usize, to: usize| row.iter().take(to).skip(from).map(str::to_owned).collect();
-        let updates = row.get(2)?.parse().ok()?;
-        let (losses, results) =
-            (texts(PROGRESS.len() - 3, PROGRESS.len()), texts(PROGRESS.len(), row.len()));
-        (row.len() == column_names().count()).then_some(Self {
-            is_evaluation,
-            updates,
-            losses,
-            results,
-        })
-    }
-
-    /// Returns whether the run had written the row when it was saved. An evaluation may have
-    /// followed the save.
-    fn is_before(&self, trainer: &Trainer) -> bool {
-        let now = trainer.counters().updates;
-        let is_recorded =
-            || trainer.history().evaluations().iter().any(|(updates, _)| *updates == now);
-        self.updates < now || self.updates == now && (!self.is_evaluation || is_recorded())
-    }
-
-    /// Returns whether the run's history, which is thinned, confirms the row; `None` if it
-    /// contradicts it.
-    fn matches(&self, trainer: &Trainer) -> Option<bool> {
-        let history = trainer.history();
+        // The history is thinned: it knows the losses of some rows.
         let points = history.points();
-        let point = points
-            .binary_search_by_key(&self.updates, |point| point.updates)
-            .ok()
-            .map(|i| points[i]);
-        let mut evaluations =
-            history.evaluations().iter().filter(|(updates, _)| *updates == self.updates).peekable();
-        let same_losses = point.map(|point| self.losses.iter().eq(losses(point.losses).iter()));
-        let same_results = (self.is_evaluation && evaluations.peek().is_some())
-            .then(|| evaluations.any(|(_, evaluation)| results(Some(evaluation)) == self.results));
-        if same_losses == Some(false) || same_results == Some(false) {
-            return None;
+        if let Ok(i) = points.binary_search_by_key(&updates, |point| point.updates)
+            && losses(points[i].losses)[..] != cells[PROGRESS.len() - LOSSES..PROGRESS.len()]
+        {
+            return Err(format!("line {number} is of another run"));
         }
-        // A method that learns nothing has no losses to compare.
-        let has_losses = self.losses.iter().any(|loss| !loss.is_empty());
-        Some(same_results.is_some() || same_losses.is_some() && has_losses)
+        kept += line.len();
     }
+    let is_later = kept == first.len() && kept < table.len();
+    if is_later { Err("all of its rows are later".to_owned()) } else { Ok(kept) }
 }

@@ -5,7 +5,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use clap::ValueEnum;
 use directories::ProjectDirs;
 use jiff::Timestamp;
 use log::{LevelFilter, Log, Metadata, Record};
@@ -21,21 +20,6 @@ const PREFIX: &str = "gdg-tui.";
 const SUFFIX: &str = ".log";
 
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
-
-/// Severity of messages for the log file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LogLevel {
-    /// No log file
-    Off,
-    /// Errors
-    Error,
-    /// Also recovered problems
-    Warn,
-    /// Also runs started, saved, loaded and changed
-    Info,
-    /// Everything
-    Debug,
-}
 
 /// The file of the day, in UTC, on which the program was started. Programs that share a folder add
 /// to the same file.
@@ -72,34 +56,22 @@ fn open(folder: &Path, date: &str) -> Option<File> {
     }
     let file = File::options().append(true).create(true).open(path).ok()?;
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries
-        .filter(|entry| {
-            let name = entry.file_name();
-            let is_log =
-                name.to_str().is_some_and(|n| n.starts_with(PREFIX) && n.ends_with(SUFFIX));
-            is_log && entry.file_type().is_ok_and(|kind| kind.is_file())
-        })
-        .map(|entry| entry.path())
-        .collect();
-    files.sort();
-    for oldest in &files[..files.len().saturating_sub(KEPT_DAYS)] {
-        let _ = std::fs::remove_file(oldest);
+    let is_log = |name: &str| name.starts_with(PREFIX) && name.ends_with(SUFFIX);
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut names: Vec<String> = names.filter(|name| is_log(name)).collect();
+    names.sort();
+    for oldest in &names[..names.len().saturating_sub(KEPT_DAYS)] {
+        // Not a folder.
+        let _ = std::fs::remove_file(folder.join(oldest));
     }
     Some(file)
 }
 
 /// Opens today's log file. If that fails, the program continues without a log.
-pub fn start(level: LogLevel) {
-    let level = match level {
-        LogLevel::Off => return,
-        LogLevel::Error => LevelFilter::Error,
-        LogLevel::Warn => LevelFilter::Warn,
-        LogLevel::Info => LevelFilter::Info,
-        LogLevel::Debug => LevelFilter::Debug,
-    };
+pub fn start(level: LevelFilter) {
     let Some(dirs) = ProjectDirs::from("", "", "gdg-tui") else { return };
     let folder = dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("log");
-    if std::fs::create_dir_all(&folder).is_err() {
+    if level == LevelFilter::Off || std::fs::create_dir_all(&folder).is_err() {
         return;
     }
     let today = Timestamp::now().strftime("%F").to_string();
@@ -126,40 +98,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_day_has_a_file_and_only_the_newest_are_kept() {
+    fn each_day_has_a_file_of_safe_lines_and_only_the_newest_are_kept() {
         let folder = tempfile::tempdir().expect("a folder");
-        let path = |name: &str| folder.path().join(name);
+        let path = |day: u8| folder.path().join(format!("gdg-tui.2026-03-0{day}.log"));
         for day in 1..=7 {
-            let mut file = open(folder.path(), &format!("2026-03-0{day}")).expect("a file");
-            file.write_all(b"x").expect("space");
-            std::fs::write(path("gdg-tui.txt"), "not a log").expect("space");
+            let file = open(folder.path(), &format!("2026-03-0{day}")).expect("a file");
+            let log = LogFile(Mutex::new(file));
+            for (target, text) in
+                [("gdg_tui::host", "ours\u{9b}31m\x7f\u{202e}"), ("mio::poll", "theirs")]
+            {
+                log.log(&Record::builder().target(target).args(format_args!("{text}")).build());
+            }
         }
-        let kept: Vec<bool> =
-            (1..=7).map(|day| path(&format!("gdg-tui.2026-03-0{day}.log")).exists()).collect();
-        assert_eq!(kept, [false, false, true, true, true, true, true]);
-        assert!(path("gdg-tui.txt").exists());
+        let kept: Vec<u8> = (1..=7).filter(|day| path(*day).exists()).collect();
+        assert_eq!(kept, [3, 4, 5, 6, 7]);
         // A file is continued.
         open(folder.path(), "2026-03-07").expect("a file").write_all(b"y").expect("space");
-        assert_eq!(std::fs::read(path("gdg-tui.2026-03-07.log")).expect("a file"), b"xy");
-        std::fs::create_dir(path("gdg-tui.2026-03-08.log")).expect("a folder");
+        let written = std::fs::read_to_string(path(7)).expect("a file");
+        assert!(written.ends_with(" INFO gdg_tui::host: ours¿31m?\u{fffd}\ny"), "{written}");
+        std::fs::create_dir(path(8)).expect("a folder");
         assert!(open(folder.path(), "2026-03-08").is_none());
-    }
-
-    #[test]
-    fn lines_are_safe_and_other_libraries_are_left_out() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let log = LogFile(Mutex::new(open(folder.path(), "2026-03-01").expect("a file")));
-        for (target, text) in
-            [("gdg_tui::host", "ours\u{9b}31m\x7f\u{202e}"), ("mio::poll", "theirs")]
-        {
-            log.log(&Record::builder().target(target).args(format_args!("{text}")).build());
-        }
-        let path = folder.path().join("gdg-tui.2026-03-01.log");
-        let written = std::fs::read_to_string(path).expect("a file");
-        assert!(
-            written.contains(" INFO gdg_tui::host: ours¿31m?\u{fffd}\n")
-                && !written.contains("theirs"),
-            "{written}"
-        );
     }
 }

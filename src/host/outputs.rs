@@ -1,7 +1,6 @@
 //! The files that a run writes: which may be replaced, and where else they can go.
 
 use std::fs::File;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
@@ -89,7 +88,11 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
             path.display()
         ));
     }
-    if overwrite { Ok(()) } else { Err(already_exists(path)) }
+    if overwrite {
+        return Ok(());
+    }
+    let help = "give another name, or --overwrite";
+    Err(miette!(help = help, "{}: the file already exists", path.display()))
 }
 
 /// Creates a file and the folders that it is in, or truncates an existing one if it may be
@@ -97,20 +100,8 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     refuse_existing(path, overwrite)?;
     let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    let file =
-        folder.and_then(|()| if overwrite { File::create(path) } else { File::create_new(path) });
-    file.map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => already_exists(path),
-        _ => miette!("{}: cannot be written: {error}", path.display()),
-    })
-}
-
-fn already_exists(path: &Path) -> Report {
-    miette!(
-        help = "give another name, or --overwrite",
-        "{}: the file already exists",
-        path.display()
-    )
+    let file = folder.and_then(|()| File::create(path));
+    file.map_err(|error| miette!("{}: cannot be written: {error}", path.display()))
 }
 
 /// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's

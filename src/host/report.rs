@@ -1,10 +1,8 @@
 //! Prints errors for the user.
 
-use std::fmt;
-
 use miette::{
-    Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan,
-    SpanContents, miette,
+    Diagnostic, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents,
+    miette,
 };
 
 use gdg::map::MapError;
@@ -31,12 +29,16 @@ pub fn print_error(error: &Report) {
 }
 
 /// An error with a hint and, for a file, an excerpt of the offending part.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error, Diagnostic)]
 #[error("{message}")]
 pub struct ExplainedError {
     message: String,
+    #[help]
     help: Option<String>,
+    #[source_code]
     excerpt: Option<QuotedExcerpt>,
+    #[label("here")]
+    span: Option<SourceSpan>,
     #[source]
     cause: Option<Box<Self>>,
 }
@@ -47,23 +49,26 @@ struct QuotedExcerpt(Excerpt);
 
 impl ExplainedError {
     pub fn report(message: String, help: String, excerpt: Option<Excerpt>) -> Report {
+        let span = excerpt.as_ref().map(|excerpt| excerpt.span.into());
         let excerpt = excerpt.map(QuotedExcerpt);
-        Report::new(Self { message, help: Some(help), excerpt, cause: None })
+        Report::new(Self { message, help: Some(help), excerpt, span, cause: None })
     }
 
     /// Returns an error whose texts, which may quote external input, are safe to display.
     fn sanitized(error: &Report) -> Self {
-        let plain = |message, cause| Self { message, help: None, excerpt: None, cause };
-        let causes: Vec<String> =
-            error.chain().skip(1).map(|cause| sanitized_message(&cause.to_string())).collect();
-        let chained = |cause: Option<Box<Self>>, message| Some(Box::new(plain(message, cause)));
+        let plain = |text: &dyn ToString, cause| {
+            let message = sanitized_message(&text.to_string());
+            Self { message, help: None, excerpt: None, span: None, cause }
+        };
+        let causes: Vec<_> = error.chain().skip(1).collect();
+        let cause =
+            causes.iter().rev().fold(None, |cause, text| Some(Box::new(plain(text, cause))));
+        let own = error.downcast_ref::<Self>();
         Self {
             help: error.help().map(|help| sanitized_message(&help.to_string())),
-            excerpt: error.downcast_ref::<Self>().and_then(|own| own.excerpt.clone()),
-            ..plain(
-                sanitized_message(&error.to_string()),
-                causes.into_iter().rev().fold(None, chained),
-            )
+            excerpt: own.and_then(|own| own.excerpt.clone()),
+            span: own.and_then(|own| own.span),
+            ..plain(error, cause)
         }
     }
 }
@@ -84,24 +89,6 @@ pub fn from_config_error(error: Box<ConfigError>) -> Report {
 
 pub fn from_checkpoint_error(error: CheckpointError) -> Report {
     ExplainedError::report(error.to_string(), error.help, None)
-}
-
-impl Diagnostic for ExplainedError {
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
-    }
-
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.excerpt.as_ref().map(|e| e as &dyn SourceCode)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let QuotedExcerpt(excerpt) = self.excerpt.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(
-            Some("here".to_owned()),
-            excerpt.span,
-        ))))
-    }
 }
 
 impl SourceCode for QuotedExcerpt {
@@ -148,24 +135,18 @@ mod tests {
         let error = cause.into_diagnostic().wrap_err("outer\u{9b}31m").expect_err("an error");
         let shown = ExplainedError::sanitized(&error.wrap_err("file\x1b[2J\nname"));
         let text = format!("{:?}", Report::new(shown));
-        assert!(
-            ["file?[2J", "outer¿31m", "cause?]0;x?"].iter().all(|part| text.contains(part)),
-            "{text}"
-        );
-        let help = ExplainedError::sanitized(&miette::miette!(help = "do\x07 that", "what"));
+        let parts = ["file?[2J", "outer¿31m", "cause?]0;x?"];
+        assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+        let help = ExplainedError::sanitized(&miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
-        assert!(
-            ExplainedError::sanitized(&Report::msg("x".repeat(50_000_000))).message.len()
-                <= MAX_MESSAGE_CHARS
-        );
+        let long = ExplainedError::sanitized(&Report::msg("x".repeat(50_000_000)));
+        assert!(long.message.len() <= MAX_MESSAGE_CHARS);
     }
 
     #[test]
     fn an_error_far_to_the_right_shows_only_its_surroundings() {
-        let mut row = ".".repeat(2000);
-        row.replace_range(1900..1901, "x");
+        let row = [".".repeat(1900).as_str(), "x", &".".repeat(99)].concat();
         let error = gdg::map::parse_map("wide", row.as_bytes()).expect_err("an unknown character");
-        assert_eq!(error.at, Some((1, 1901)));
         let shown = format!("{:?}", from_map_error(error));
         assert!(shown.lines().all(|l| l.chars().count() < 120), "{shown}");
         assert!(shown.contains("wide:1:1901"), "{shown}");

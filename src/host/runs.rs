@@ -95,36 +95,38 @@ mod tests {
     #[test]
     fn ages_are_given_as_people_say_them() {
         let now: Zoned = "2026-03-10T09:30:00[UTC]".parse().expect("a time");
-        let age = |at: &str| age(&format!("2026-{at}[UTC]").parse().expect("a time"), &now);
-        assert_eq!(age("03-10T09:29:50"), "just now");
-        assert_eq!(age("03-10T10:29:50"), "just now", "another machine's clock may be ahead");
-        assert_eq!(age("03-10T09:28:50"), "a minute ago");
-        assert_eq!(age("03-09T23:50:00"), "yesterday");
-        assert_eq!(age("03-10T00:05:00"), "today, 00:05");
-        assert_eq!(age("03-10T09:05:00"), "25 minutes ago");
-        assert_eq!(age("03-07T23:50:00"), "3 days ago");
-        assert_eq!(age("01-02T03:04:05"), "2026-01-02");
+        for (at, expected) in [
+            ("03-10T09:29:50", "just now"),
+            // Another machine's clock may be ahead.
+            ("03-10T10:29:50", "just now"),
+            ("03-10T09:28:50", "a minute ago"),
+            ("03-10T09:05:00", "25 minutes ago"),
+            ("03-10T00:05:00", "today, 00:05"),
+            ("03-09T23:50:00", "yesterday"),
+            ("03-07T23:50:00", "3 days ago"),
+            ("01-02T03:04:05", "2026-01-02"),
+        ] {
+            assert_eq!(age(&format!("2026-{at}[UTC]").parse().expect("a time"), &now), expected);
+        }
     }
 
     #[test]
     fn the_command_survives_a_shell() {
-        assert_eq!(
-            resume_command(Path::new("saves/rooms.safetensors")),
-            "gdg-tui --resume saves/rooms.safetensors"
-        );
+        let plain = resume_command(Path::new("saves/rooms.safetensors"));
+        assert_eq!(plain, "gdg-tui --resume saves/rooms.safetensors");
         let odd = resume_command(Path::new("my runs/it's.safetensors"));
         assert_eq!(shlex::split(&odd).expect("words")[2], "my runs/it's.safetensors", "{odd}");
     }
 
     #[test]
-    fn a_folder_without_checkpoints_has_no_newest() {
+    fn policies_and_damaged_files_are_no_newest_checkpoint() {
         let folder = tempfile::tempdir().expect("a folder");
-        std::fs::write(folder.path().join("a.policy.safetensors"), "no checkpoint")
-            .expect("a file");
-        std::fs::write(folder.path().join("b.safetensors"), "damaged").expect("a file");
+        for name in ["a.policy.safetensors", "b.safetensors"] {
+            std::fs::write(folder.path().join(name), "damaged").expect("a file");
+        }
         assert!(newest(folder.path(), None).is_none());
         assert!(newest(&folder.path().join("none"), None).is_none());
         let found = files_in(folder.path()).expect("the folder");
-        assert_eq!(found, [folder.path().join("b.safetensors")], "policies are no checkpoints");
+        assert_eq!(found, [folder.path().join("b.safetensors")]);
     }
 }

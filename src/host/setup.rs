@@ -3,18 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::{find_map, known_name};
 use crate::host::report::{from_config_error, from_data_error, from_map_error};
+use crate::host::values::{MethodParser, methods_help, preset_parser};
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{Grid, MapError, Reading};
 use gdg::text::sanitized;
 use gdg::train::{
-    self, Dataset, LeftOut, Limits, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
-    TrainError, Trainer,
+    self, Dataset, LeftOut, Limits, METHODS, Method, Overrides, Preset, Registry, Run, SaveTo,
+    Settings, TrainError, Trainer,
 };
 
 /// A run that is ready to be trained.
@@ -40,20 +42,36 @@ pub struct Edit {
 }
 
 /// Which method to train, and with which settings.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct RunChoice {
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
     pub method: Method,
-    /// The preset to start from; otherwise that of the method.
-    pub preset: Option<Preset>,
-    pub config: Option<PathBuf>,
-    /// Changes of single settings, `NAME=VALUE`.
+
+    #[command(flatten)]
+    pub base: Base,
+
+    /// Change one setting (repeatable)
+    #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
+}
+
+/// What the settings of a run are based on.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Base {
+    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
+    #[arg(long, value_parser = preset_parser())]
+    pub preset: Option<Preset>,
+
+    /// Settings file: a JSON object as printed by --print-config
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
 }
 
 impl RunChoice {
     /// Returns the preset to start from, with a learner of `registry`.
     pub fn preset(&self, registry: &Registry) -> Preset {
-        self.preset.unwrap_or_else(|| registry.preset_of(&self.method))
+        self.base.preset.unwrap_or_else(|| registry.preset_of(&self.method))
     }
 }
 
@@ -62,7 +80,7 @@ impl RunChoice {
 pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result<Settings, Report> {
     let defaults =
         registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
-    let overrides = Overrides { defaults, config: choice.config.as_deref(), set: &choice.set };
+    let overrides = Overrides { defaults, config: choice.base.config.as_deref(), set: &choice.set };
     train::settings_from(choice.preset(registry), &overrides).map_err(from_config_error)
 }
 
@@ -103,9 +121,7 @@ pub fn begin(
     threads: impl Into<Threads>,
 ) -> Result<Trainer, Report> {
     train::memory::check(&run, world, registry).map_err(|error| match error {
-        TrainError::Memory { .. } | TrainError::AddressSpace { .. } => {
-            Report::msg(error).wrap_err("not enough memory")
-        }
+        TrainError::Memory(_) => Report::msg(error).wrap_err("not enough memory"),
         other => Report::msg(other),
     })?;
     Trainer::new(run, world, registry, threads).into_diagnostic()
@@ -123,22 +139,19 @@ pub fn open_maze(
 
 /// Returns the maze on a map; `called` is its file, or its name, in errors.
 pub fn maze_on(map: Arc<Grid>, called: &str, run: &Run) -> Result<PointMaze, Report> {
-    if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
-        let problem = "has no start S, which restart=start-cell requires";
-        return Err(from_map_error(MapError::whole_file(
-            called,
-            problem,
-            "mark a start with S, or use restart=anywhere",
-        )));
-    }
-    let unmarked = [("start S", map.starts().is_empty()), ("goal G", map.goals().is_empty())];
-    let missing = unmarked.into_iter().find(|(_, is_missing)| *is_missing);
-    if let Some((mark, _)) = missing.filter(|_| run.settings.train.goals == Goals::Map) {
-        return Err(from_map_error(MapError::whole_file(
-            called,
-            format!("has no {mark}, which goals=map requires"),
-            "mark a start with S and a goal with G, or use goals=anywhere",
-        )));
+    let (no_start, no_goal) = (map.starts().is_empty(), map.goals().is_empty());
+    let train = &run.settings.train;
+    let missing = if train.restart == Restart::StartCell && no_start {
+        Some(("start S", "restart=start-cell", "mark a start with S, or use restart=anywhere"))
+    } else if train.goals == Goals::Map && (no_start || no_goal) {
+        let help = "mark a start with S and a goal with G, or use goals=anywhere";
+        Some((if no_start { "start S" } else { "goal G" }, "goals=map", help))
+    } else {
+        None
+    };
+    if let Some((mark, setting, help)) = missing {
+        let problem = format!("has no {mark}, which {setting} requires");
+        return Err(from_map_error(MapError::whole_file(called, problem, help)));
     }
     Ok(PointMaze::new(map, 0))
 }
@@ -179,20 +192,18 @@ pub fn learn_from(
             "{file}: {impossible} of {all} transitions are impossible on this map"
         ));
     }
-    let of_another = OF_ANOTHER_MAP * all as f64;
-    let impossible_as = if impossible as f64 > of_another {
-        "impossible on this map: the data may be of another map, or of another version of it"
-    } else {
-        "impossible on this map"
-    };
+    let is_of_another = impossible as f64 > OF_ANOTHER_MAP * all as f64;
+    let doubt = ": the data may be of another map, or of another version of it";
     let reasons = [
-        (impossible, impossible_as),
-        (by_chance, "they lead far, and not always to the same place"),
+        (impossible, "impossible on this map", if is_of_another { doubt } else { "" }),
+        (by_chance, "they lead far, and not always to the same place", ""),
     ];
     let left_out: Vec<String> = reasons
         .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, why)| format!("{count} of {all} transitions are left out: {why}"))
+        .filter(|(count, ..)| *count > 0)
+        .map(|(count, why, doubt)| {
+            format!("{count} of {all} transitions are left out: {why}{doubt}")
+        })
         .collect();
     Ok((!left_out.is_empty()).then(|| format!("warning: {file}: {}", left_out.join("; "))))
 }

@@ -2,13 +2,13 @@
 //! once.
 
 use std::collections::BTreeMap;
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
+use nix::sys::signal::{SigSet, Signal};
 use signal_hook::consts::{
     SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
 };
@@ -31,11 +31,15 @@ const SAME_SIGNAL: Duration = Duration::from_millis(200);
 /// Time limit for restoring the terminal before an immediate exit: the terminal may not read.
 const LONGEST_RESTORE: Duration = Duration::from_millis(500);
 
-/// Signals that would end the program on every system with nothing saved: from terminals and users,
-/// from batch systems (SIGUSR1, SIGUSR2 and SIGXCPU warn of a limit), and from inherited timers.
-/// Faults and SIGQUIT, which asks for a core dump, keep their default action.
+/// Signals that would end the program with nothing saved: from terminals and users, from batch systems
+/// (SIGUSR1, SIGUSR2 and SIGXCPU warn of a limit), and from inherited timers. Faults and SIGQUIT,
+/// which asks for a core dump, keep their default action.
 const ENDING: [i32; 9] =
     [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
+
+/// Further ones on Linux: SIGSTKFLT, SIGIO, SIGPWR (when power fails or a container is to stop), and
+/// the real-time signals, less those that C libraries use.
+const LINUX: [std::ops::RangeInclusive<i32>; 3] = [16..=16, 29..=30, 34..=64];
 
 /// Signals whose repetition is no request to end at once: both the shell and the system send SIGHUP
 /// when a terminal closes, and timers keep firing.
@@ -59,18 +63,20 @@ impl TerminationSignal {
     /// Like [`Self::listen`], for the interface, which shows itself what it waits for. An immediate
     /// exit first calls `restore_terminal`. Must be called before the interface's threads start.
     pub fn listen_in_interface(restore_terminal: fn()) -> Result<Self, Report> {
-        survive_in_background();
+        // In the background, the system would stop the whole program for using the terminal, which
+        // could then not even exit. If this fails, it stops like any other.
+        let _ = SigSet::from_iter([Signal::SIGTTOU, Signal::SIGTTIN]).thread_block();
         Self::listen_with(Some(restore_terminal))
     }
 
     fn listen_with(restore_terminal: Option<fn()>) -> Result<Self, Report> {
-        warn_of_cpu_limit();
         let termination = Self::default();
         let ignored = ignored_signals();
-        let is_ignored = |number: &i32| ignored.contains(number);
+        let is_ignored = |number: &i32| ignored >> (number - 1) & 1 == 1;
         let mut signals =
             Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
-        for number in ending_here().filter(|number| !is_ignored(number)) {
+        let linux = LINUX.into_iter().flatten().filter(|_| cfg!(target_os = "linux"));
+        for number in linux.filter(|number| !is_ignored(number)) {
             // The C library reserves some real-time signals.
             let _ = signals.add_signal(number);
         }
@@ -121,16 +127,6 @@ impl TerminationSignal {
     }
 }
 
-/// Lets the calling thread, and those that it starts, use the terminal from the background:
-/// otherwise, the system would stop the whole program, which could then not even exit.
-fn survive_in_background() {
-    use nix::sys::signal::{SigSet, Signal};
-
-    let stopping = SigSet::from_iter([Signal::SIGTTOU, Signal::SIGTTIN]);
-    // On failure, the program stops like any other.
-    let _ = stopping.thread_block();
-}
-
 /// When each signal arrived last.
 #[derive(Default)]
 struct Arrivals(BTreeMap<i32, Instant>);
@@ -147,25 +143,6 @@ impl Arrivals {
     }
 }
 
-/// Lowers the soft CPU time limit so that SIGXCPU warns before the hard one kills the program:
-/// `ulimit -t` and batch systems often set both to the same time.
-fn warn_of_cpu_limit() {
-    use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
-
-    let Ok((soft, hard)) = getrlimit(Resource::RLIMIT_CPU) else { return };
-    let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
-    if hard != RLIM_INFINITY && soft > warning_before(hard, cores) {
-        // On failure, the limit stays as it was.
-        let _ = setrlimit(Resource::RLIMIT_CPU, warning_before(hard, cores), hard);
-    }
-}
-
-/// Returns the CPU time in seconds after which to warn of a limit: leaves all cores a few seconds
-/// to save the run.
-fn warning_before(limit: u64, cores: u64) -> u64 {
-    limit - (limit / 2).min(5 + 3 * cores)
-}
-
 fn end_at_once(restore_terminal: Option<fn()>, number: i32) -> ! {
     if let Some(restore) = restore_terminal {
         let (done, is_done) = channel();
@@ -179,59 +156,17 @@ fn end_at_once(restore_terminal: Option<fn()>, number: i32) -> ! {
     signal_hook::low_level::exit(128 + number)
 }
 
-/// Linux's real-time signals, less those that its C libraries use.
-#[cfg(target_os = "linux")]
-const REAL_TIME: std::ops::RangeInclusive<i32> = 34..=64;
-
-/// Returns further signals that would end the program on this system: SIGPWR, when power fails or a
-/// container is to stop, SIGIO, SIGSTKFLT and the real-time signals.
-#[cfg(target_os = "linux")]
-fn ending_here() -> impl Iterator<Item = i32> {
-    use nix::sys::signal::Signal;
-
-    #[cfg(not(any(target_arch = "mips", target_arch = "mips64", target_arch = "sparc64")))]
-    let named = [Signal::SIGPWR, Signal::SIGIO, Signal::SIGSTKFLT];
-    #[cfg(any(target_arch = "mips", target_arch = "mips64", target_arch = "sparc64"))]
-    let named = [Signal::SIGPWR, Signal::SIGIO];
-    named.into_iter().map(|signal| signal as i32).chain(REAL_TIME)
-}
-
-#[cfg(not(target_os = "linux"))]
-fn ending_here() -> impl Iterator<Item = i32> {
-    std::iter::empty()
-}
-
-/// Returns the ending signals that this process ignores. Linux lists them in /proc; elsewhere, a
-/// child process is tested, as it inherits ignored signals.
-fn ignored_signals() -> Vec<i32> {
+/// Returns the signals that this process ignores as bits, the lowest for number 1, where /proc lists
+/// them.
+fn ignored_signals() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    match mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()) {
-        Some(mask) => (1..=64).filter(|number| mask >> (number - 1) & 1 == 1).collect(),
-        None => ENDING.into_iter().filter(|number| ignores(Command::new("sh"), *number)).collect(),
-    }
-}
-
-/// Whether a `shell` started by this process ignores a signal; `false` if it cannot be started.
-fn ignores(mut shell: Command, number: i32) -> bool {
-    shell.args(["-c", "ulimit -c 0; kill -\"$0\" $$", &number.to_string()]);
-    shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    shell.status().is_ok_and(|status| status.success())
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_is_ignored_is_known_without_asking_the_system() {
-        let mut nohup = Command::new("sh");
-        nohup.args(["-c", "trap '' HUP; exec sh \"$@\"", "sh"]);
-        assert!(ignores(nohup, SIGHUP));
-        let plain = || Command::new("sh");
-        assert!(![SIGTERM, SIGUSR1, SIGXCPU].into_iter().any(|number| ignores(plain(), number)));
-        assert!(!ignores(Command::new("/no/such/shell"), SIGHUP));
-    }
 
     #[test]
     fn only_the_same_signal_again_after_a_moment_repeats_the_request_to_end() {

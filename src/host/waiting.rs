@@ -1,16 +1,16 @@
-//! Reports what the program still waits for: before it ends, or before it shows or writes something.
+//! Reports what the program still waits for, and how far it is.
 
-use std::io::IsTerminal;
+use std::io::{self, IsTerminal, Write};
 use std::ops::Deref;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::progress_bar;
 use gdg::job::Job;
-use gdg::printing::eprint_line;
+use gdg::printing::{self, eprint_line};
+use gdg::text::terminal_obeys_escapes;
 
 /// Time before the first report: to somebody who waits, and to a log.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -50,11 +50,11 @@ impl Waiting {
     /// terminal.
     pub fn on(what: &'static str) -> Self {
         let waiting = Self::start(Job::new(what), |job, end| {
-            let target = progress_bar::target();
-            if target.is_hidden() {
+            let bar = progress_bar(None, "{spinner} {wide_msg}");
+            if bar.is_hidden() {
                 print_lines(job, CANCELS, || {}, end);
             } else {
-                redraw(job, ProgressBar::with_draw_target(None, target), end);
+                redraw(job, &bar, end);
             }
         });
         gdg::faults::point("work");
@@ -109,10 +109,8 @@ fn print_lines(job: &Job, how_to_end: &str, before: fn(), end: &Receiver<()>) {
 }
 
 /// Redraws one line until the end, and removes it.
-fn redraw(job: &Job, bar: ProgressBar, end: &Receiver<()>) {
+fn redraw(job: &Job, bar: &ProgressBar, end: &Receiver<()>) {
     let (began, mut pause) = (Instant::now(), PATIENCE);
-    let style = ProgressStyle::with_template("{spinner} {wide_msg}");
-    let bar = style.map_or(bar.clone(), |style| bar.with_style(style));
     while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
         pause = REDRAW_INTERVAL;
         bar.set_message(format!("{}; {CANCELS}", describe(job, began)));
@@ -120,10 +118,70 @@ fn redraw(job: &Job, bar: ProgressBar, end: &Receiver<()>) {
     }
     bar.finish_and_clear();
     // Standard output, which has a queue of its own, does not overtake this.
-    gdg::printing::stderr().flush_briefly();
+    printing::stderr().flush_briefly();
 }
 
 fn describe(job: &Job, began: Instant) -> String {
     let part = job.share().map_or(String::new(), |share| format!(", {:.0} %", 100.0 * share));
     format!("{} ({} s so far{part})", job.what(), began.elapsed().as_secs())
+}
+
+/// Returns a progress bar on standard error, hidden unless that is a terminal that can move its
+/// cursor.
+pub fn progress_bar(length: Option<u64>, template: &str) -> ProgressBar {
+    let target = if terminal_obeys_escapes() {
+        let terminal = console::Term::read_write_pair(io::stdin(), Frames);
+        ProgressDrawTarget::term(terminal, FRAMES_PER_SECOND)
+    } else {
+        ProgressDrawTarget::hidden()
+    };
+    let bar = ProgressBar::with_draw_target(length, target);
+    ProgressStyle::with_template(template).map_or(bar.clone(), |style| bar.with_style(style))
+}
+
+/// Formats a time in seconds, in a word or two.
+pub fn duration(seconds: f64) -> String {
+    let minutes = (seconds / 60.0).round() as u64;
+    match seconds as u64 {
+        ..90 => format!("{seconds:.0} s"),
+        90..5400 => format!("{minutes} min"),
+        _ => format!("{} h {:02} min", minutes / 60, minutes % 60),
+    }
+}
+
+/// Frames of a progress bar, at most.
+const FRAMES_PER_SECOND: u8 = 20;
+
+/// Standard error for the frames of a progress bar.
+#[derive(Debug)]
+struct Frames;
+
+impl Write for Frames {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        printing::stderr().print_frame(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl std::os::fd::AsRawFd for Frames {
+    fn as_raw_fd(&self) -> std::os::fd::RawFd {
+        io::stderr().as_raw_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn times_are_short() {
+        assert_eq!(
+            [5.4, 100.0, 5399.0, 7300.0].map(duration),
+            ["5 s", "2 min", "90 min", "2 h 02 min"]
+        );
+    }
 }

@@ -80,8 +80,6 @@ pub enum Action {
     Suspend,
     Quit,
     NextLarger,
-    /// Show this side of a comparison larger, or both equally large.
-    Larger(usize),
     Axis,
     List(ListAction),
 }
@@ -97,7 +95,6 @@ pub enum ListAction {
     Axis,
     Resume,
     Compare,
-    Plot,
     Delete,
 }
 
@@ -230,13 +227,11 @@ impl Binding {
             (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
             (Mode::Offered, when) => matches!(when, When::Always | When::Offered),
             (Mode::Touring, When::Touring)
-            | (Mode::Comparing, When::Comparing)
+            | (Mode::Comparing | Mode::EditingBoth, When::Comparing)
             | (Mode::Settings, When::Settings)
             | (Mode::Help, When::Help)
             | (Mode::Listing, When::Listing) => true,
             (Mode::Listing, When::Always) => self.is_in_lists,
-            // Its other keys choose tools.
-            (Mode::EditingBoth, When::Comparing) => !matches!(self.action, Action::Larger(_)),
             (Mode::Comparing | Mode::EditingBoth, When::Always)
             | (Mode::Comparing, When::Watching)
             | (Mode::EditingBoth, When::Editing) => in_comparisons,

@@ -155,10 +155,7 @@ impl App {
                 Some(moment) => time::look_at_curves(session, moment),
                 None => session.on_mouse(kind, at),
             },
-            Base::Comparison(comparison) => match moment.filter(|_| !comparison.is_editing()) {
-                Some(moment) => comparison.look_at(moment),
-                None => comparison.on_mouse(kind, at),
-            },
+            Base::Comparison(comparison) => comparison.on_mouse(kind, at),
         }
     }
 

@@ -5,11 +5,10 @@
 //!
 //! * `act`: what actions and the mouse do.
 //! * `race`: the walks of the two agents.
-//! * `draw`, `curves`: the screen.
+//! * `draw`: the screen.
 //! * `prepare`: the two trainers.
 
 mod act;
-mod curves;
 mod draw;
 mod prepare;
 mod race;
@@ -29,8 +28,7 @@ use super::scene::MazeState;
 use super::scene::maze::place_walker;
 use super::session::{Session, view};
 use crate::experiment::plot::Axis;
-use curves::Pace;
-use gdg::engine::{Command, Engine, Snapshot};
+use gdg::engine::{Command, Engine};
 use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{OnArrival, View, Viewer};
@@ -48,8 +46,7 @@ struct Side {
     /// Letter, method, preset, and settings of this side alone.
     title: String,
     /// What its colours and its preset mean, where that is not obvious.
-    about: Option<prepare::Texts>,
-    pace: Pace,
+    about: Option<String>,
 }
 
 /// Two runs on one screen.
@@ -79,8 +76,7 @@ fn start_side(
     keymap: &Keymap,
     limits: Limits,
 ) -> Result<(Session, Side, Engine), Report> {
-    let about = prepare::texts(trainer.run(), trainer.registry());
-    let side = Side { title, about, pace: Pace::of(trainer.history()) };
+    let side = Side { title, about: prepare::about(trainer.run(), trainer.registry()) };
     // A method with slow evaluations must not be judged by its first steps.
     let evaluations = Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR);
     // A saved run is shown as it was saved, without another update.
@@ -177,6 +173,17 @@ impl Comparison {
         self.maze(self.editor_at).editor.is_open()
     }
 
+    /// Returns where an update is along the axis, as if all updates had been equally fast.
+    fn along(&self, side: usize, updates: u64) -> f64 {
+        let snapshot = &self.sessions[side].screen.snapshot;
+        let all = match self.axis {
+            Axis::Updates => snapshot.counters.updates as f64,
+            Axis::Steps => snapshot.counters.env_steps as f64,
+            Axis::Seconds => snapshot.seconds,
+        };
+        updates as f64 / snapshot.counters.updates.max(1) as f64 * all
+    }
+
     pub async fn update(&mut self) {
         let [a, b] = &mut self.sessions;
         let own = tokio::select! {
@@ -184,15 +191,13 @@ impl Comparison {
             () = b.update() => 1,
         };
         let session = &self.sessions[own];
-        let (snapshot, view) =
-            (session.snapshots().borrow().clone(), session.views().borrow().clone());
-        self.follow(own, &snapshot, &view);
+        let view = session.views().borrow().clone();
+        self.follow(own, &view);
     }
 
-    /// Processes what trainer and viewer of a side have published, even if the screen is frozen;
-    /// the same distance has the same colour on both sides.
-    pub fn follow(&mut self, own: usize, snapshot: &Snapshot, view: &View) {
-        self.sides[own].pace.add(snapshot);
+    /// Processes what the viewer of a side has published, even if the screen is frozen; the same
+    /// distance has the same colour on both sides.
+    pub fn follow(&mut self, own: usize, view: &View) {
         if let View::Maze(view) = view {
             self.race.observe(own, view);
         }

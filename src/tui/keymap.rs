@@ -200,7 +200,6 @@ mod tests {
             ("shift-R", Mode::Watching, Some(Action::NewSeed)),
             ("1", Mode::Editing, Some(Action::Tool(Tool::Pencil))),
             ("1", Mode::EditingBoth, Some(Action::Tool(Tool::Pencil))),
-            ("1", Mode::Comparing, Some(Action::Larger(0))),
             ("g", Mode::EditingBoth, Some(Action::Axis)),
             // There is nothing to save or set in a comparison, and there are no panes.
             ("s", Mode::Comparing, None),

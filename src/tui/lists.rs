@@ -161,7 +161,7 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
     ];
     let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
-    Item { below, ..Item::new(*name, detail, choice).within(group.name()) }
+    Item { below, ..Item::new(*name, detail, choice).within(group) }
 }
 
 pub fn random_maps() -> Picker {

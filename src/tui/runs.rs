@@ -1,16 +1,15 @@
 //! The list of runs: a table of the runs of folders, the curves of those that are marked, and what
 //! they differ in.
 //!
-//! * `list`: the rows: filter, order, marks and selection.
-//! * `files`: resumes, plots and deletes the files of runs.
+//! * `list`: the rows: filter, order, marks and selection; resumes, compares and deletes them.
 //! * `draw`: the screen.
 
 mod draw;
-mod files;
 mod list;
 #[cfg(test)]
 pub(super) mod tests;
 
+use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,12 +36,11 @@ use super::log::Log;
 use super::screen::PATIENCE;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
-use crate::experiment::runs::{Found, Reader, name};
+use crate::experiment::runs::{COLUMNS, Found, Reader, name};
 use crate::host::setup::Setup;
 use draw::Places;
-use files::Deletion;
 use gdg::job::{Job, Running};
-use list::List;
+use list::{List, delete};
 
 /// The pause before folders are read again: at least this, and as a multiple of the time that
 /// reading took, so that large folders do not keep a core busy.
@@ -91,8 +89,8 @@ pub struct RunsScreen {
     is_typing: bool,
     /// What curves show.
     curves: (Measure, Axis),
-    /// Files that are deleted if the user agrees.
-    deletion: Option<Deletion>,
+    /// A question, and the files that are deleted if the user agrees.
+    deletion: Option<(String, BTreeSet<PathBuf>)>,
     help: Option<Help>,
     log: Log,
     theme: Theme,
@@ -201,7 +199,7 @@ impl RunsScreen {
     /// Shows what has been read.
     fn list(&mut self, found: &Found) {
         self.read = Some(found.read);
-        self.list.update(found);
+        self.list.update(&found.runs);
     }
 }
 
@@ -233,10 +231,12 @@ impl RunsScreen {
             if help.on_key(key, action, self.keymap.action(key, Mode::Help)) {
                 self.help = None;
             }
-        } else if let Some(deletion) = self.deletion.take() {
+        } else if let Some((_, files)) = self.deletion.take() {
             if matches!(key.code, KeyCode::Char('y' | 'Y')) {
                 self.list.clear_marks();
-                self.tell(deletion.perform());
+                let deleted = delete(&files);
+                let is_error = deleted.is_err();
+                self.log.show(&deleted.unwrap_or_else(|problem| problem), is_error);
                 self.look_again();
             }
         } else if self.is_typing {
@@ -297,17 +297,13 @@ impl RunsScreen {
                 }
             }
             ListAction::Filter => self.is_typing = true,
-            ListAction::Sort => self.list.sort_by_next(),
+            ListAction::Sort => self.list.sort_by((self.list.order.0 + 1) % COLUMNS.len()),
             ListAction::Reverse => self.list.sort_by(self.list.order.0),
             ListAction::Measure => self.curves.0 = measure.next(),
             ListAction::Axis => self.curves.1 = axis.next(),
-            ListAction::Resume => self.wish(files::to_resume(&self.list)),
-            ListAction::Compare => self.wish(files::to_compare(&self.list)),
-            ListAction::Plot => {
-                self.tell(files::plot(&self.list.chosen(), measure, axis));
-                self.list.clear_marks();
-            }
-            ListAction::Delete => match Deletion::new(&self.list) {
+            ListAction::Resume => self.wish(self.list.to_resume()),
+            ListAction::Compare => self.wish(self.list.to_compare()),
+            ListAction::Delete => match self.list.to_delete() {
                 Ok(deletion) => self.deletion = Some(deletion),
                 Err(problem) => self.log.show(&problem, true),
             },
@@ -319,12 +315,6 @@ impl RunsScreen {
             Ok(wish) => self.wish = Some(wish),
             Err(problem) => self.log.show(&problem, true),
         }
-    }
-
-    /// Shows what has been done, or the problem with it.
-    fn tell(&mut self, done: Result<String, String>) {
-        let is_error = done.is_err();
-        self.log.show(&done.unwrap_or_else(|problem| problem), is_error);
     }
 
     /// Closes the help, or else opens nothing any more, or else shows all runs, or else unmarks

@@ -83,9 +83,7 @@ fn zsh_takes_the_first_word_for_the_command() {
 #[test]
 fn numbers_are_written_in_one_way_everywhere() {
     let folder = folder();
-    for (written, number) in
-        [("60,000", 60_000.0), ("60 000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)]
-    {
+    for (written, number) in [("60,000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)] {
         let args = [
             "--no-ui",
             "trap",
@@ -208,8 +206,5 @@ fn a_limit_of_the_address_space_is_called_that() {
     limited.arg(program.get_program()).current_dir(folder.path());
     let (status, _, errors) = outcome(&mut limited);
     let errors = one_line(&errors);
-    assert!(
-        status == 2 && errors.contains("GB of address space") && errors.contains("ulimit -v"),
-        "{errors}"
-    );
+    assert!(status == 2 && errors.contains("limit of address space (ulimit -v)"), "{errors}");
 }

@@ -80,12 +80,9 @@ fn suite(folder: &Path, errors: Stdio) -> Child {
 
 #[test]
 fn every_signal_that_would_end_the_program_saves_the_run() {
-    let batch_systems = ["USR1", "USR2", "XCPU"];
-    let clocks = ["ALRM", "VTALRM", "PROF"];
-    // SIGPWR, SIGIO, SIGSTKFLT and two real-time signals.
-    let of_linux =
-        if cfg!(target_os = "linux") { &["30", "29", "16", "34", "64"][..] } else { &[] };
-    for signal in batch_systems.iter().chain(&clocks).chain(of_linux) {
+    // Of batch systems, a clock, SIGPWR and a real-time signal.
+    let of_linux = if cfg!(target_os = "linux") { &["30", "64"][..] } else { &[] };
+    for signal in ["USR1", "XCPU", "ALRM"].iter().chain(of_linux) {
         let folder = folder();
         let mut run = RunningProgram::start(&mut headless(
             folder.path(),
@@ -100,19 +97,16 @@ fn every_signal_that_would_end_the_program_saves_the_run() {
 
 #[test]
 fn a_limit_of_cpu_time_saves_the_run() {
-    // The signal comes again and again, after every second of both threads; or not at all, unless
-    // asked for.
-    for limits in ["ulimit -S -t 2; ulimit -H -t 60", "ulimit -t 8"] {
-        let folder = folder();
-        let program =
-            headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
-        let mut shell = Command::new("sh");
-        shell.args(["-c", &format!("{limits}; exec \"$0\" \"$@\"")]);
-        shell.arg(program.get_program()).args(program.get_args()).current_dir(folder.path());
-        shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-        assert_eq!(outcome(&mut shell).0, 152, "{limits}");
-        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0, "{limits}");
-    }
+    // The signal comes again and again, after every second of both threads.
+    let folder = folder();
+    let program =
+        headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "ulimit -S -t 2; ulimit -H -t 60; exec \"$0\" \"$@\""]);
+    shell.arg(program.get_program()).args(program.get_args()).current_dir(folder.path());
+    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    assert_eq!(outcome(&mut shell).0, 152);
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
 }
 
 #[test]
@@ -135,9 +129,7 @@ fn sigquit_ends_the_program_at_once() {
 
 #[test]
 fn signals_that_come_together_are_one() {
-    for signals in
-        [&["TERM", "HUP"][..], &["INT", "TERM"], &["HUP", "TERM", "CONT"], &["TERM", "USR1", "INT"]]
-    {
+    for signals in [&["HUP", "TERM", "CONT"], &["TERM", "USR1", "INT"]] {
         let folder = folder();
         let kept = folder.path().join("kept.safetensors");
         let mut run = RunningProgram::start(&mut headless(
@@ -184,59 +176,39 @@ fn a_signal_that_comes_during_slow_saving_ends_it_only_if_it_is_the_same_again()
     assert!(!folder.path().join("kept.safetensors").exists());
 }
 
-/// Signals and the exit statuses that they lead to.
-const STATUSES: [(&str, i32); 3] = [("TERM", 143), ("HUP", 129), ("INT", 130)];
-
 #[cfg(target_os = "linux")]
 #[test]
 fn records_that_nobody_reads_delay_neither_checkpoints_nor_signals() {
-    for (signal, status) in STATUSES {
-        let folder = folder();
-        let kept = folder.path().join("kept.safetensors");
-        let (_reader, pipe) = full_pipe();
-        // A checkpoint every 60 ms.
-        let mut command = headless(
-            folder.path(),
-            &["trap", "--save", "kept.safetensors", "--save-every", "0.001"],
-        );
-        let child =
-            command.stdin(Stdio::null()).stdout(pipe).stderr(Stdio::null()).spawn().unwrap();
-        wait_until("no checkpoint", || kept.is_file());
-        kill(child.id(), signal);
-        let (ended, took) = end_of(child);
-        assert!(ended == status && took < TIMEOUT, "{signal}: {ended} after {took:?}");
-        assert!(assert_loads(&kept) > 0);
-    }
+    let folder = folder();
+    let kept = folder.path().join("kept.safetensors");
+    let (_reader, pipe) = full_pipe();
+    // A checkpoint every 60 ms.
+    let args = ["trap", "--save", "kept.safetensors", "--save-every", "0.001"];
+    let mut command = headless(folder.path(), &args);
+    let child = command.stdin(Stdio::null()).stdout(pipe).stderr(Stdio::null()).spawn().unwrap();
+    wait_until("no checkpoint", || kept.is_file());
+    kill(child.id(), "TERM");
+    let (ended, took) = end_of(child);
+    assert!(ended == 143 && took < TIMEOUT, "{ended} after {took:?}");
+    assert!(assert_loads(&kept) > 0);
 }
 
 #[cfg(target_os = "linux")]
 #[test]
 fn errors_that_nobody_reads_delay_neither_training_nor_signals() {
-    for (signal, status) in STATUSES {
-        let folder = folder();
-        let records = folder.path().join("records");
-        let (_reader, pipe) = full_pipe();
-        let mut command = isolated_command(folder.path());
-        // Without --no-ui, the first line says on standard error why there is no interface.
-        command.args([
-            "trap",
-            "--save",
-            "kept.safetensors",
-            "--set",
-            "hidden=16",
-            "--set",
-            "buffer_size=20000",
-        ]);
-        let out = File::create(&records).unwrap();
-        let child = command.stdin(Stdio::null()).stdout(out).stderr(pipe).spawn().unwrap();
-        wait_until("no records", || {
-            std::fs::read_to_string(&records).unwrap().contains("progress")
-        });
-        kill(child.id(), signal);
-        let (ended, took) = end_of(child);
-        assert!(ended == status && took < TIMEOUT, "{signal}: {ended} after {took:?}");
-        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
-    }
+    let folder = folder();
+    let records = folder.path().join("records");
+    let (_reader, pipe) = full_pipe();
+    let mut command = isolated_command(folder.path());
+    // Without --no-ui, the first line says on standard error why there is no interface.
+    command.args(["trap", "--save", "kept.safetensors", "--set", "hidden=16"]);
+    let out = File::create(&records).unwrap();
+    let child = command.stdin(Stdio::null()).stdout(out).stderr(pipe).spawn().unwrap();
+    wait_until("no records", || std::fs::read_to_string(&records).unwrap().contains("progress"));
+    kill(child.id(), "HUP");
+    let (ended, took) = end_of(child);
+    assert!(ended == 129 && took < TIMEOUT, "{ended} after {took:?}");
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
 }
 
 #[cfg(target_os = "linux")]

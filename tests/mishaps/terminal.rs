@@ -105,18 +105,16 @@ fn much_input_at_the_start_delays_neither_frames_nor_signals() {
 
 #[test]
 fn a_terminal_that_does_not_read_delays_neither_saving_nor_the_end() {
-    for (signal, status) in [("TERM", 143), ("HUP", 129), ("INT", 130)] {
-        let folder = folder();
-        let mut session = training(folder.path(), &["trap", "--save", "kept.safetensors"]);
-        session.stall(true);
-        // Frames fill what the system buffers.
-        std::thread::sleep(Duration::from_secs(3));
-        session.signal(signal);
-        assert_eq!(session.status(), status, "{signal}");
-        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
-        let modes = session.master.get_termios().unwrap();
-        assert!(format!("{:?}", modes.local_flags).contains("ECHO |"), "the terminal echoes again");
-    }
+    let folder = folder();
+    let mut session = training(folder.path(), &["trap", "--save", "kept.safetensors"]);
+    session.stall(true);
+    // Frames fill what the system buffers.
+    std::thread::sleep(Duration::from_secs(3));
+    session.signal("INT");
+    assert_eq!(session.status(), 130);
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
+    let modes = session.master.get_termios().unwrap();
+    assert!(format!("{:?}", modes.local_flags).contains("ECHO |"), "the terminal echoes again");
 }
 
 #[test]
@@ -197,9 +195,7 @@ fn stopped(folder: &Path, by_key: bool) -> (Session, u32) {
 
 #[test]
 fn a_stopped_program_is_saved_and_ends_on_a_signal() {
-    let ways =
-        [(true, &["TERM", "CONT"][..]), (true, &["HUP", "CONT"]), (true, &["TERM", "CONT", "HUP"])];
-    for (by_key, signals) in ways.into_iter().chain([(false, &["TERM", "CONT"][..])]) {
+    for (by_key, signals) in [(true, &["TERM", "CONT", "HUP"][..]), (false, &["TERM", "CONT"])] {
         let folder = folder();
         let (shell, id) = stopped(folder.path(), by_key);
         signals.iter().for_each(|signal| kill(id, signal));

@@ -1,13 +1,13 @@
 //! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not
 //! depend on any front end.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 mod command;
-mod evaluation;
-mod publish;
 mod snapshot;
 
 use std::fs::File;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Deref};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,18 +17,18 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use crate::job::Job;
+use crate::env::EnvError;
+use crate::job::{Job, Running};
 use crate::learn::Scratch;
 use crate::text::grouped;
 use crate::train::{
-    Due, EndReason, EvaluateAt, Limits, Recovery, Schedule, Session, Tick, TrainError, Trainer,
+    Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Session, Tick,
+    TrainError, Trainer,
 };
 pub use command::{Command, MakeWorld};
-use evaluation::{EVALUATION_PAUSE_FACTOR, RunningEvaluation};
-use publish::PublishTimer;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
+use snapshot::{PublishTimer, SNAPSHOT_INTERVAL};
 
-/// Minimum updates between evaluations.
 const EVALUATE_EVERY_UPDATES: u64 = 500;
 
 /// Maximum pace of a learner that does not learn, in updates counted per second, unless the user
@@ -36,7 +36,16 @@ const EVALUATE_EVERY_UPDATES: u64 = 500;
 /// watch.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 
-/// Polling interval for a running evaluation while training is paused.
+const EVALUATION_TASKS: usize = 10;
+
+/// The pause after an evaluation, as a multiple of its duration: evaluations run beside training,
+/// but on the same cores.
+const EVALUATION_PAUSE_FACTOR: u32 = 15;
+
+/// The longest pause: results are replaced before they are much older. But a pause is at least as long
+/// as the evaluation.
+const MAX_PAUSE: Duration = Duration::from_secs(10);
+
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Time without progress after which a stopping trainer counts as hung. Updates of the largest
@@ -67,7 +76,11 @@ impl EngineLink {
         Self { commands, snapshots, job }
     }
 
-    /// Returns what the trainer is doing besides training.
+    /// Returns the trainer's progress signal: whether it advances, and its current activity.
+    pub fn job(&self) -> &Job {
+        &self.job
+    }
+
     pub fn busy(&self) -> Option<Job> {
         self.job.latest_part()
     }
@@ -78,32 +91,23 @@ impl EngineLink {
         self.commands.try_send(command).is_ok()
     }
 
-    /// Returns a receiver of the latest snapshot.
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
         self.snapshots.clone()
     }
 }
 
-/// Handle to a running trainer.
 pub struct Engine {
     link: EngineLink,
     thread: JoinHandle<Trainer>,
 }
 
 impl Engine {
-    /// Starts training up to `limits`.
-    ///
-    /// # Errors
-    /// The learner fails, or the thread cannot be started.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
         Self::resume(trainer, limits, None, [])
     }
 
     /// Like [`Self::start`], for a run loaded from `file`; runs the commands `at_first` before the
     /// first update.
-    ///
-    /// # Errors
-    /// See [`Self::start`].
     pub fn resume(
         mut trainer: Trainer,
         limits: Limits,
@@ -145,21 +149,6 @@ impl Engine {
         self.link.clone()
     }
 
-    /// Queues a command like [`EngineLink::send`].
-    pub fn send(&self, command: Command) -> bool {
-        self.link.send(command)
-    }
-
-    /// Returns a receiver of the latest snapshot.
-    pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.link.snapshots()
-    }
-
-    /// Returns the trainer's progress signal: whether it advances, and its current activity.
-    pub fn job(&self) -> &Job {
-        &self.link.job
-    }
-
     /// Stops training and returns the trainer; waits as long as there is progress. `None` if its
     /// thread hangs or has panicked.
     pub fn stop(self) -> Option<Trainer> {
@@ -184,6 +173,19 @@ impl Engine {
     }
 }
 
+impl Deref for Engine {
+    type Target = EngineLink;
+
+    fn deref(&self) -> &EngineLink {
+        &self.link
+    }
+}
+
+struct RunningEvaluation {
+    made: Moment,
+    running: Running<Result<Option<Evaluation>, EnvError>>,
+}
+
 struct Worker {
     trainer: Trainer,
     session: Session,
@@ -191,15 +193,11 @@ struct Worker {
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
     evaluation: Option<RunningEvaluation>,
-    /// Earliest start of the next evaluation.
     next_evaluation_at: Option<Instant>,
-    /// Whether an evaluation has become due since the latest one began.
     evaluation_is_due: bool,
     /// The pause after an evaluation, as a multiple of its duration.
     evaluation_pause: u32,
-    /// The followed agent.
     follow: Option<usize>,
-    /// Earliest time of the next update, if speed is limited.
     next_update_at: Option<Instant>,
     /// Path requested by the latest fresh save, and the file it was written to.
     new_file: Option<(PathBuf, PathBuf)>,
@@ -209,7 +207,6 @@ struct Worker {
     scratch: Scratch,
 }
 
-/// Creates a session in which evaluations come regularly; everything else is a command.
 fn session() -> Session {
     let evaluate = EvaluateAt::EveryUpdates(EVALUATE_EVERY_UPDATES);
     Session::new(Schedule { evaluate, ..Schedule::default() })
@@ -233,7 +230,10 @@ impl Worker {
                 Ok(Err(error)) => self.current.phase = Phase::Failed(error.to_string()),
                 Err(_) => self.repair("training"),
             }
-            self.report_recovery();
+            self.trainer
+                .take_recovery()
+                .into_iter()
+                .for_each(|recovery| self.on_recovery(recovery));
             self.publish();
             // The run can still be saved or replaced by another one: commands are handled until the
             // front end disconnects.
@@ -257,13 +257,6 @@ impl Worker {
         self.current.phase = Phase::Failed(format!("an internal error ended {activity}; {state}"));
     }
 
-    /// Reports a rollback to earlier networks, if there was one.
-    fn report_recovery(&mut self) {
-        if let Some(recovery) = self.trainer.take_recovery() {
-            self.on_recovery(recovery);
-        }
-    }
-
     fn on_recovery(&mut self, recovery: Recovery) {
         // The rollback changed the settings.
         self.current.run = Arc::new(self.trainer.run().clone());
@@ -274,7 +267,6 @@ impl Worker {
         self.publish.send_replace(Arc::new(self.current.clone()));
     }
 
-    /// Trains and runs commands until the front end disconnects.
     fn train(&mut self) -> Result<(), TrainError> {
         let mut timer = PublishTimer::new(&self.trainer);
         while self.process_commands() {
@@ -289,7 +281,18 @@ impl Worker {
                     continue;
                 }
             };
-            self.do_what_is_due()?;
+            while let Some(due) = self.session.next_due() {
+                match due {
+                    Due::Recovery(recovery) => self.on_recovery(recovery),
+                    Due::Evaluation => self.evaluation_is_due = true,
+                    Due::Progress | Due::Edit(_) | Due::Save => {}
+                }
+            }
+            // Unless the latest one ended only recently.
+            let is_time = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
+            if self.evaluation_is_due && is_time {
+                self.start_evaluation()?;
+            }
             if tick == Tick::Update
                 && let Some(speed) = self.pace()
             {
@@ -304,26 +307,13 @@ impl Worker {
                 self.report_step();
                 self.current.phase = Phase::Paused;
                 self.refresh_snapshot(true)?;
-            } else if timer.is_due() {
+            } else if timer.published.elapsed() >= SNAPSHOT_INTERVAL {
                 self.report_progress(&mut timer)?;
             }
         }
         Ok(())
     }
 
-    /// Reports a rollback, and starts an evaluation unless the latest one ended only recently.
-    fn do_what_is_due(&mut self) -> Result<(), TrainError> {
-        while let Some(due) = self.session.next_due() {
-            match due {
-                Due::Recovery(recovery) => self.on_recovery(recovery),
-                Due::Evaluation => self.evaluation_is_due = true,
-                Due::Progress | Due::Edit(_) | Due::Save => {}
-            }
-        }
-        self.start_due_evaluation()
-    }
-
-    /// Returns the maximum updates per second, if limited.
     fn pace(&self) -> Option<f64> {
         self.current.speed.or((!self.trainer.learns()).then_some(IDLE_UPDATES_PER_SECOND))
     }
@@ -370,7 +360,6 @@ impl Worker {
         self.execute(command);
     }
 
-    /// Reports what a step has done.
     fn report_step(&mut self) {
         let counters = self.trainer.counters();
         let text = match &self.current.phase {
@@ -393,14 +382,68 @@ impl Worker {
             Notice { number: self.current.notice.number + 1, text, is_error: false };
     }
 
-    /// Notifies the user of something that went wrong.
     fn report(&mut self, text: String) {
         self.notify(text);
         self.current.notice.is_error = true;
     }
 }
 
-/// Converts the result of a receive with a timeout to that of a non-blocking one.
+impl Worker {
+    fn start_evaluation(&mut self) -> Result<bool, TrainError> {
+        if self.evaluation.is_some() {
+            return Ok(false);
+        }
+        let (evaluation, job) = (self.trainer.evaluation()?, Job::new("evaluating"));
+        self.current.evaluation_progress = job.clone();
+        self.current.next_evaluation = NextEvaluation::Running(job.since());
+        let work = move |job: &Job| evaluation.evaluate(EVALUATION_TASKS, job);
+        let running = Running::start("evaluation", job, work);
+        self.evaluation = Some(RunningEvaluation { made: self.trainer.moment(), running });
+        self.evaluation_is_due = false;
+        Ok(true)
+    }
+
+    fn next_evaluation(&self) -> NextEvaluation {
+        if let Some(running) = &self.evaluation {
+            return NextEvaluation::Running(running.running.job().since());
+        }
+        let rest = self
+            .next_evaluation_at
+            .map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
+        if rest.is_zero() {
+            NextEvaluation::after(&self.trainer)
+        } else {
+            NextEvaluation::InSeconds(rest.as_secs_f64().ceil() as u64)
+        }
+    }
+
+    fn collect_evaluation(&mut self) {
+        let Some(RunningEvaluation { made, running }) =
+            self.evaluation.take_if(|e| e.running.is_finished())
+        else {
+            return;
+        };
+        let updates = made.updates;
+        let now = Instant::now();
+        let duration = now - running.job().since();
+        let pause = (self.evaluation_pause * duration).min(MAX_PAUSE.max(duration));
+        self.next_evaluation_at = Some(now + pause);
+        match running.join() {
+            Ok(Ok(None)) => {}
+            Ok(Ok(Some(evaluation))) if evaluation.is_finite() => {
+                self.trainer.record_evaluation(made, evaluation);
+                self.current.evaluations = self.trainer.history().evaluations().clone();
+            }
+            Ok(Ok(_)) => self
+                .report(format!("the evaluation at update {updates} returned non-finite values")),
+            Ok(Err(error)) => self.report(format!("the evaluation at update {updates}: {error}")),
+            Err(_) => self.report("an evaluation failed with an internal error".to_owned()),
+        }
+        self.current.next_evaluation = self.next_evaluation();
+        self.publish();
+    }
+}
+
 fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
     command.map_err(|e| match e {
         RecvTimeoutError::Timeout => TryRecvError::Empty,
@@ -416,7 +459,6 @@ mod tests {
     use super::*;
     use crate::env::Environment;
 
-    /// Starts a small run with these commands before the first update.
     fn started(at_first: impl IntoIterator<Item = Command>) -> Engine {
         let trainer = crate::train::small_run("gdg-bridge", 1);
         Engine::resume(trainer, Limits::default(), None, at_first).expect("a thread")

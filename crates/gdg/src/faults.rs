@@ -2,12 +2,10 @@
 //!
 //! The panic hook records the message of every thread that panics, whether or not the thread is
 //! ever joined. `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its fault point
-//! for the Nth time, `THREAD=delay:MS@N` makes it sleep, `POINT=fail@N` makes an operation fail
-//! from the Nth time on, and `POINT=once@N` only that one time. Several faults are separated by
-//! commas.
+//! for the Nth time, `THREAD=delay:MS@N` makes it sleep, and `POINT=once@N` makes an operation fail.
+//! Several faults are separated by commas.
 
 use std::backtrace::Backtrace;
-use std::panic::PanicHookInfo;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
@@ -45,7 +43,10 @@ pub fn install_panic_hook() {
     std::panic::set_hook(Box::new(|info| {
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("unnamed");
-        let failure = Failure { thread: name.to_owned(), message: panic_message(info) };
+        let text = truncated(info.payload_as_str().unwrap_or("no message"), MAX_MESSAGE_CHARS);
+        let place = info.location().map(|at| format!(" ({}:{})", at.file(), at.line()));
+        let message = sanitized(&(text + &place.unwrap_or_default()));
+        let failure = Failure { thread: name.to_owned(), message };
         log::error!("thread {name} panicked: {}", failure.message);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
             crate::printing::eprint_line(&format!(
@@ -61,13 +62,6 @@ pub fn install_panic_hook() {
         // Last, because resolving the names of functions takes a second or more.
         log::error!("thread {name}: {}", Backtrace::force_capture());
     }));
-}
-
-fn panic_message(info: &PanicHookInfo) -> String {
-    let text = info.payload_as_str().unwrap_or("no message");
-    let place =
-        info.location().map_or(String::new(), |at| format!(" ({}:{})", at.file(), at.line()));
-    sanitized(&format!("{}{place}", truncated(text, MAX_MESSAGE_CHARS)))
 }
 
 /// Sets whether an interface shows failures.
@@ -93,7 +87,6 @@ enum Kind {
     Panic,
     Delay(Duration),
     Fail,
-    Once,
 }
 
 fn injected_faults() -> &'static [Fault] {
@@ -110,8 +103,7 @@ fn parse(text: &str) -> Option<Fault> {
     let kind = match kind.split_once(':') {
         Some(("delay", ms)) => Kind::Delay(Duration::from_millis(ms.parse().ok()?)),
         None if kind == "panic" => Kind::Panic,
-        None if kind == "fail" => Kind::Fail,
-        None if kind == "once" => Kind::Once,
+        None if kind == "once" => Kind::Fail,
         _ => return None,
     };
     Some(Fault { point: point.to_owned(), kind, at: at.parse().ok()?, passes: AtomicU64::new(0) })
@@ -125,13 +117,12 @@ fn parse(text: &str) -> Option<Fault> {
 pub fn point(name: &str) -> bool {
     let mut fails = false;
     for fault in injected_faults().iter().filter(|fault| fault.point == name) {
-        let pass = fault.passes.fetch_add(1, Ordering::Relaxed) + 1;
-        match fault.kind {
-            Kind::Panic => assert!(pass != fault.at, "injected fault in {name}"),
-            Kind::Delay(time) if pass == fault.at => std::thread::sleep(time),
-            Kind::Fail => fails |= pass >= fault.at,
-            Kind::Once => fails |= pass == fault.at,
-            Kind::Delay(_) => {}
+        if fault.passes.fetch_add(1, Ordering::Relaxed) + 1 == fault.at {
+            match fault.kind {
+                Kind::Panic => panic!("injected fault in {name}"),
+                Kind::Delay(time) => std::thread::sleep(time),
+                Kind::Fail => fails = true,
+            }
         }
     }
     fails

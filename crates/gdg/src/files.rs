@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 pub use kind::{Format, Mismatch, Wanted};
 pub use read::{FileFacts, open, open_or_create, read, read_text};
 pub use write::{
-    LockFile, check_name, check_replaceable, check_writable, is_in_use, mark_in_use, unused_path,
-    while_locked, write_atomically, write_to_unused, write_unlinked,
+    LockFile, check_name, check_writable, is_in_use, mark_in_use, unused_path, while_locked,
+    write_atomically, write_to_unused,
 };
 
 use crate::text::beginning;
@@ -42,23 +42,6 @@ fn numbered(path: &Path, number: u64) -> PathBuf {
         }
         _ => named(folder, path.file_name().unwrap_or_default(), &format!("-{number}")),
     }
-}
-
-/// Returns the file beside `path` whose name is that of `path` between `prefix` and `suffix`. If
-/// that is too long, the name is cut and a checksum keeps it distinct from others that begin alike.
-fn beside(path: &Path, prefix: &str, suffix: &str) -> PathBuf {
-    let own = path.file_name().unwrap_or_default();
-    let room = MAX_NAME_BYTES - prefix.len() - suffix.len();
-    let mut name = OsString::from(prefix);
-    if own.len() <= room {
-        name.push(own);
-    } else {
-        let checksum = format!("-{:08x}", crc32fast::hash(own.as_encoded_bytes()));
-        name.push(fitting(own, room - checksum.len()));
-        name.push(checksum);
-    }
-    name.push(suffix);
-    path.with_file_name(name)
 }
 
 /// Returns the beginning of a name in at most `max_bytes` bytes.
@@ -116,7 +99,6 @@ mod tests {
             folder.join("rooms-auto-5.safetensors")
         );
         assert_eq!(numbered(Path::new("a/b.v2.safetensors"), 3), Path::new("a/b.v2-3.safetensors"));
-        assert_eq!(beside(Path::new("a/b.csv"), ".gdg-", ".tmp"), Path::new("a/.gdg-b.csv.tmp"));
         // 3 bytes each: no length is a multiple of all rooms.
         for count in 76..=85 {
             let path = folder.join("迷".repeat(count));
@@ -124,7 +106,6 @@ mod tests {
                 named(folder, path.file_name().expect("a name"), "-auto-123456.safetensors"),
                 numbered(&path.with_added_extension("safetensors"), 12),
                 numbered(&path, 2),
-                beside(&path, ".gdg-", ".lock.tmp"),
             ];
             assert!(
                 names.iter().all(|name| bytes(name) <= MAX_NAME_BYTES && name.to_str().is_some())

@@ -1,10 +1,12 @@
 //! What takes long: what it is, how far it is, since when, and whether it is still wanted.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::Deref;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -12,10 +14,8 @@ use parking_lot::Mutex;
 
 use crate::faults;
 
-/// How often to look whether a thread has ended.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 
-/// Time between two notices of work that takes a while.
 const NOTICE_EVERY: Duration = Duration::from_secs(2);
 
 /// Something that takes long, such as a run. Clones share it.
@@ -24,19 +24,13 @@ pub struct Job(Arc<State>);
 
 #[derive(Debug)]
 struct State {
-    /// What it is, as in "reading a.map".
     what: Cow<'static, str>,
     since: Instant,
-    /// The present stage, and the number of stages.
-    stage: AtomicUsize,
-    stages: AtomicUsize,
-    /// What is done of the stage, and all of it.
-    done: AtomicUsize,
-    all: AtomicUsize,
+    /// The present stage and the number of stages; what is done of the stage, and all of it.
+    progress: Mutex<[usize; 4]>,
     /// Rises while it moves.
     beats: AtomicU64,
     is_cancelled: AtomicBool,
-    /// What is being done as part of it.
     parts: Mutex<Vec<Job>>,
 }
 
@@ -53,10 +47,7 @@ impl Job {
         Self(Arc::new(State {
             what: what.into(),
             since: Instant::now(),
-            stage: AtomicUsize::new(0),
-            stages: AtomicUsize::new(0),
-            done: AtomicUsize::new(0),
-            all: AtomicUsize::new(0),
+            progress: Mutex::default(),
             beats: AtomicU64::new(0),
             is_cancelled: AtomicBool::new(false),
             parts: Mutex::default(),
@@ -80,35 +71,29 @@ impl Job {
         self.0.parts.lock().last().cloned()
     }
 
-    /// Returns what it is, as in "reading a.map".
     pub fn what(&self) -> &str {
         &self.0.what
     }
 
-    /// Returns when it began.
     pub fn since(&self) -> Instant {
         self.0.since
     }
 
     /// Begins a stage, counted from 0, of all of it.
     pub fn begin(&self, stage: usize, stages: usize) {
-        self.set(0, 0);
-        self.0.stages.store(stages, Ordering::Relaxed);
-        self.0.stage.store(stage, Ordering::Relaxed);
+        *self.0.progress.lock() = [stage, stages, 0, 0];
+        faults::point("progress");
     }
 
     /// Says how much of the present stage is done.
     pub fn set(&self, done: usize, all: usize) {
-        self.0.done.store(done, Ordering::Relaxed);
-        self.0.all.store(all, Ordering::Relaxed);
+        self.0.progress.lock()[2..].copy_from_slice(&[done, all]);
         faults::point("progress");
     }
 
     /// Returns the share that is done, from 0 to 1; `None` unless it says so.
     pub fn share(&self) -> Option<f64> {
-        let State { stage, stages, done, all, .. } = &*self.0;
-        let [stage, stages, done, all] =
-            [stage, stages, done, all].map(|number| number.load(Ordering::Relaxed) as f64);
+        let [stage, stages, done, all] = self.0.progress.lock().map(|number| number as f64);
         let of_stage = if all > 0.0 { done / all } else { 0.0 };
         (stages > 0.0).then(|| ((stage + of_stage) / stages).clamp(0.0, 1.0))
     }
@@ -129,12 +114,10 @@ impl Job {
         if seconds > 0 { so_far() } else { String::new() }
     }
 
-    /// Shows that something moves.
     pub fn beat(&self) {
         self.0.beats.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Returns the number of beats so far.
     pub fn beats(&self) -> u64 {
         self.0.beats.load(Ordering::Relaxed)
     }
@@ -145,7 +128,6 @@ impl Job {
         self.0.is_cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// Returns whether it should end.
     pub fn is_cancelled(&self) -> bool {
         self.0.is_cancelled.load(Ordering::Relaxed)
     }
@@ -158,7 +140,6 @@ impl fmt::Display for Job {
     }
 }
 
-/// A part of a job, until dropped.
 #[derive(Debug)]
 #[must_use]
 pub struct Part {
@@ -190,7 +171,6 @@ impl Drop for Part {
 /// done at once.
 pub struct Running<T> {
     job: Job,
-    /// The number of notices so far.
     told: u32,
     thread: Option<JoinHandle<Option<T>>>,
     done: Option<T>,
@@ -217,7 +197,10 @@ impl<T: Send + 'static> Running<T> {
         running
     }
 
-    /// Returns whether it is done.
+    pub fn job(&self) -> &Job {
+        &self.job
+    }
+
     pub fn is_finished(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
@@ -240,10 +223,6 @@ impl<T: Send + 'static> Running<T> {
         })
     }
 
-    /// Waits for the result.
-    ///
-    /// # Errors
-    /// Its thread has panicked.
     pub fn join(mut self) -> std::thread::Result<T> {
         let done = self.thread.take().map_or(Ok(None), JoinHandle::join)?;
         let none = || Box::new("a job without a result") as Box<dyn std::any::Any + Send>;
@@ -251,19 +230,9 @@ impl<T: Send + 'static> Running<T> {
     }
 
     /// Waits for the result, or says what has failed because of an internal error.
-    ///
-    /// # Errors
-    /// Its thread has panicked.
     pub fn finish(self) -> Result<T, String> {
         let job = self.job.clone();
         self.join().map_err(|_| format!("{} failed with an internal error", job.what()))
-    }
-}
-
-impl<T> Running<T> {
-    /// Returns the job that is done.
-    pub fn job(&self) -> &Job {
-        &self.job
     }
 }
 

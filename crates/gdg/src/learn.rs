@@ -7,40 +7,37 @@
 //! display: D, the distance in steps, and mu, the actor.
 
 mod data;
-mod ddpg;
 mod error;
-mod gdg;
-mod gdg_distance;
 mod kernels;
 mod learner;
+mod network_learner;
 mod networks;
-mod phased;
-mod random;
+#[cfg(test)]
+mod reference;
 mod settings;
+#[cfg(test)]
+mod tests;
 mod update;
 
-pub use data::batch::{Batch, BatchSampler};
+pub use data::batch::Batch;
 pub use data::goal_index::GoalIndex;
-pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, KnownPair, Relearning};
+pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, Relearning};
 pub(crate) use data::known::{NEAR_STEPS, WAYPOINT_STEPS};
-pub use data::replay::{Moment, Replay, ReplaySizes, StoredReplay};
+pub(crate) use data::replay::ReplaySizes;
+pub use data::replay::{Moment, Replay};
 pub use error::LearnError;
-pub use gdg::Gdg;
 pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, Learner, LearnerKind, TrainingData};
-pub use networks::dense::NetworkState;
-pub use networks::encoder::Encoder;
+pub use network_learner::{GDG, NetworkLearner};
+use network_learner::{VARIANTS, kind};
 pub use networks::export::{ActorExport, ActorInputs, CriticOutputs, CriticsExport, NamedTensor};
-pub use networks::network::Network;
-pub use networks::policy::{Nets, Policy, Scratch, look_ahead};
+pub use networks::policy::{Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;
 pub use settings::{LearnSettings, LossScale};
-pub use update::gradient::FullGradient;
 pub use update::losses::Losses;
 pub use update::profile::{Profile, Stage};
-pub use update::reference::Reference;
 pub use update::threads::Threads;
 
 /// The built-in learners.
-pub const LEARNERS: [LearnerKind; 6] =
-    [gdg::KIND, gdg_distance::KIND, ddpg::DDPG, ddpg::HER, ddpg::DDPG_DISTANCE, random::KIND];
+pub const LEARNERS: [LearnerKind; VARIANTS.len()] =
+    [kind::<0>(), kind::<1>(), kind::<2>(), kind::<3>(), kind::<4>(), kind::<5>()];

@@ -25,12 +25,12 @@
 //!   never does.
 //! * [`env`](mod@env): the interface of a world ([`env::Environment`], with optional
 //!   [`env::Abilities`]) and the built-in worlds, a folder each.
-//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file
-//!   each. Submodules, in their order: `kernels` (dense loops and products; the only unsafe code is
-//!   in [`learn::kernel`]), `networks` (inputs, weights, what networks compute together, policies),
-//!   `data` (replay, batches, known distances) and `update` (losses and their hand-written
-//!   gradients, optimiser steps, threads; [`learn::Reference`] computes the same by candle's
-//!   autograd, for tests).
+//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in ones, variants of
+//!   [`learn::NetworkLearner`]. Submodules, in their order: `kernels` (dense loops and products; the
+//!   only unsafe code is in [`learn::kernel`]), `networks` (inputs, weights, what networks compute
+//!   together, policies), `data` (replay, batches, known distances and what they add) and `update`
+//!   (losses and their hand-written gradients, optimiser steps, threads). Tests compare these with
+//!   `src/learn/reference.rs`, the same in plain arithmetic.
 //! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge
 //!   graph, following plans through it, the published search.
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, and
@@ -68,20 +68,17 @@
 //! [`env::WORLDS`]. That is enough to train and evaluate: `gdg-tui NAME --no-ui`, if the world needs
 //! no file. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`].
 //!
-//! Everything else is optional. [`env::Environment::set_full_state`] puts agents back where they
+//! Everything else is optional: [`env::Environment::set_full_state`] puts agents back where they
 //! were; the [`env::Abilities`] are traits for records, episodes, evaluation tasks and true
-//! distances, coverage, edits, and display. For the interface to draw it, add a variant to
-//! [`env::Scene`], what is computed of it (`src/viewer/NAME/`, a line in `worker_for` of
-//! `src/viewer.rs`) and how the program draws it and reacts (its `src/tui/scene/NAME/`).
-//! [`env::fetch_reach`] is a world without maps, [`env::gym`] one that another program computes.
+//! distances, coverage, edits, and display (`docs/developing.md` says how it is drawn).
 //!
 //! # Add a learner
 //!
 //! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the
 //! replay, a [`learn::Policy`] that offers D and mu, saving and loading) and its
 //! [`learn::LearnerKind`]; a learner with a Q function converts Q(s, mu(s,g), g) to steps, as
-//! `src/learn/ddpg/` does. Then one line in [`learn::LEARNERS`], and one in [`train::METHODS`] for
-//! each combination with a planner that should have its own name.
+//! `src/learn/networks/returns.rs` does. Then one line in [`learn::LEARNERS`], and one in
+//! [`train::METHODS`] for each combination with a planner that should have its own name.
 //!
 //! # Invariants
 //!
@@ -89,6 +86,7 @@
 //! or without evaluations, resumed or not. Each purpose has its own random stream; a batch is split
 //! into parts that do not depend on the number of threads and are summed in order.
 #![warn(missing_docs)]
+#![allow(clippy::missing_errors_doc, reason = "errors say what is wrong")]
 
 pub mod bridge;
 pub mod draw;

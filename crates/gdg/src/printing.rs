@@ -7,7 +7,7 @@
 //! and printing waits only briefly (`PATIENCE`), so that a reader who keeps up is never behind.
 
 use std::io::{self, ErrorKind};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
@@ -31,17 +31,15 @@ const CHUNK: usize = 4096;
 /// Polling interval while waiting for a reader.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
-/// Timeout after a signal for a reader that reads nothing, ...
+/// Timeout after a signal for a reader that reads nothing.
 const IDLE_AT_END: Duration = Duration::from_millis(300);
-
-/// ... and for one that still reads.
-const LONGEST_AT_END: Duration = Duration::from_secs(5);
 
 /// Whether a signal ends the program: nothing waits for readers any more.
 static HURRIES: AtomicBool = AtomicBool::new(false);
 
-static STDOUT: Stream = Stream::new("output", write_to_stdout);
-static STDERR: Stream = Stream::new("errors", write_to_stderr);
+// Written without the locks of the standard library, which a blocked writer would hold.
+static STDOUT: Stream = Stream::new("output", |bytes| Ok(nix::unistd::write(io::stdout(), bytes)?));
+static STDERR: Stream = Stream::new("errors", |bytes| Ok(nix::unistd::write(io::stderr(), bytes)?));
 
 /// Bytes on their way to a reader.
 pub struct Stream {
@@ -51,15 +49,14 @@ pub struct Stream {
     write: fn(&[u8]) -> io::Result<usize>,
     queue: Mutex<Queue>,
     changed: Condvar,
-    /// Number of bytes written so far.
-    written: AtomicU64,
 }
 
 struct Queue {
     /// Bytes that the thread has not taken yet.
     bytes: Vec<u8>,
-    /// Whether the thread is writing what it took.
+    /// Whether the thread is writing what it took, and the number of bytes written so far.
     is_writing: bool,
+    written: usize,
     /// The latest unreported error.
     error: Option<io::Error>,
     /// Whether the thread runs; `None` before the first byte.
@@ -85,35 +82,23 @@ impl Stream {
         let queue = Queue {
             bytes: Vec::new(),
             is_writing: false,
+            written: 0,
             error: None,
             has_thread: None,
             latest: None,
         };
-        Self {
-            name,
-            write,
-            queue: Mutex::new(queue),
-            changed: Condvar::new(),
-            written: AtomicU64::new(0),
-        }
+        Self { name, write, queue: Mutex::new(queue), changed: Condvar::new() }
     }
 
-    /// Prints `bytes`. If the reader does not keep up, they are written later; after a signal, at
-    /// once or later.
-    ///
-    /// # Errors
-    /// Returns the error of writing these or earlier bytes.
+    /// Prints `bytes`. If the reader does not keep up, they are written later; errors may be those of
+    /// earlier bytes.
     pub fn print(&'static self, bytes: &[u8]) -> io::Result<()> {
         let mut queue = self.queue.lock();
-        if !self.start(&mut queue) {
-            return self.write_all(bytes);
-        }
         while queue.bytes.len() > MAX_QUEUED && !hurries() {
             self.changed.wait_for(&mut queue, POLL_INTERVAL);
         }
         let was_behind = queue.is_behind();
-        queue.bytes.extend_from_slice(bytes);
-        self.changed.notify_all();
+        self.add(&mut queue, bytes);
         let deadline = Instant::now() + PATIENCE;
         while !was_behind && queue.is_behind() && !hurries() {
             if self.changed.wait_until(&mut queue, deadline).timed_out() {
@@ -123,18 +108,19 @@ impl Stream {
         queue.outcome()
     }
 
-    /// Prints `bytes` without waiting for the reader.
-    ///
-    /// # Errors
-    /// Returns the error of writing earlier bytes.
+    /// Prints `bytes` without waiting for the reader; errors are those of earlier bytes.
     pub fn send(&'static self, bytes: &[u8]) -> io::Result<()> {
         let mut queue = self.queue.lock();
-        if !self.start(&mut queue) {
-            return self.write_all(bytes);
-        }
-        queue.bytes.extend_from_slice(bytes);
-        self.changed.notify_all();
+        self.add(&mut queue, bytes);
         queue.outcome()
+    }
+
+    /// Prints a frame of a progress bar without waiting; leaves it out if the reader is far behind.
+    pub fn print_frame(&'static self, bytes: &[u8]) {
+        let mut queue = self.queue.lock();
+        if queue.bytes.len() < MAX_QUEUED_FRAMES {
+            self.add(&mut queue, bytes);
+        }
     }
 
     /// Whether the reader has not read everything yet.
@@ -147,80 +133,65 @@ impl Stream {
         self.queue.lock().latest
     }
 
-    /// Prints a frame of a progress bar without waiting; leaves it out if the reader is far behind.
-    pub fn print_frame(&'static self, bytes: &[u8]) {
-        let mut queue = self.queue.lock();
-        if !self.start(&mut queue) {
-            // As for a line: if standard error is gone, there is nowhere to report it.
-            let _ = self.write_all(bytes);
-        } else if queue.bytes.len() < MAX_QUEUED_FRAMES {
-            queue.bytes.extend_from_slice(bytes);
-            self.changed.notify_all();
-        }
-    }
-
     /// Waits until everything is written, for as long as that takes. A signal ends the wait soon if
     /// the reader does not read.
-    ///
-    /// # Errors
-    /// Returns the error of writing earlier bytes.
     pub fn flush(&'static self) -> io::Result<()> {
-        self.wait(|idle, all| hurries() && (idle > IDLE_AT_END || all > LONGEST_AT_END)).outcome()
+        self.wait(hurries).outcome()
     }
 
     /// Waits until everything is written, but only briefly for a reader that does not read; returns
     /// whether it is.
     pub fn flush_briefly(&'static self) -> bool {
-        let queue = self.wait(|idle, all| idle > IDLE_AT_END || all > LONGEST_AT_END);
+        let queue = self.wait(|| true);
         !queue.is_behind() && queue.error.is_none()
     }
 
-    /// Waits until everything is written, or until `gives_up`, given the time since the last write
-    /// and in total.
-    fn wait(
-        &'static self,
-        gives_up: impl Fn(Duration, Duration) -> bool,
-    ) -> MutexGuard<'static, Queue> {
-        let (mut queue, began) = (self.queue.lock(), Instant::now());
-        let (mut written, mut moved) = (self.written.load(Ordering::Relaxed), began);
-        while queue.is_behind() {
-            let now = self.written.load(Ordering::Relaxed);
-            if now != written {
-                (written, moved) = (now, Instant::now());
-            }
-            if gives_up(moved.elapsed(), began.elapsed()) {
-                break;
+    /// Waits until everything is written, or until nothing moves and somebody `gives_up`.
+    fn wait(&'static self, gives_up: impl Fn() -> bool) -> MutexGuard<'static, Queue> {
+        let mut queue = self.queue.lock();
+        let (mut written, mut moved) = (queue.written, Instant::now());
+        while queue.is_behind() && !(gives_up() && moved.elapsed() > IDLE_AT_END) {
+            if queue.written != written {
+                (written, moved) = (queue.written, Instant::now());
             }
             self.changed.wait_for(&mut queue, POLL_INTERVAL);
         }
         queue
     }
 
-    /// Starts the thread unless it runs; returns whether it does.
-    fn start(&'static self, queue: &mut MutexGuard<Queue>) -> bool {
-        *queue.has_thread.get_or_insert_with(|| {
+    /// Adds `bytes` to the queue, and starts the thread unless it runs; without one, writes them.
+    fn add(&'static self, queue: &mut MutexGuard<Queue>, bytes: &[u8]) {
+        queue.bytes.extend_from_slice(bytes);
+        let has_thread = *queue.has_thread.get_or_insert_with(|| {
             let thread = std::thread::Builder::new().name(self.name.to_owned());
-            thread.spawn(|| self.write_queued()).is_ok()
-        })
+            thread.spawn(|| self.write_forever()).is_ok()
+        });
+        if has_thread {
+            self.changed.notify_all();
+        } else {
+            self.write_queued(queue);
+        }
     }
 
-    /// Writes what is queued, until the program ends.
-    fn write_queued(&'static self) {
-        let (mut taken, mut queue) = (Vec::new(), self.queue.lock());
+    fn write_forever(&self) {
+        let mut queue = self.queue.lock();
         loop {
             while queue.bytes.is_empty() {
                 self.changed.wait(&mut queue);
             }
-            std::mem::swap(&mut taken, &mut queue.bytes);
-            queue.is_writing = true;
-            let began = Instant::now();
-            let outcome = MutexGuard::unlocked(&mut queue, || self.write_all(&taken));
-            taken.clear();
-            queue.is_writing = false;
-            queue.latest = Some((Instant::now(), began.elapsed()));
-            queue.error = outcome.err().or(queue.error.take());
-            self.changed.notify_all();
+            self.write_queued(&mut queue);
         }
+    }
+
+    fn write_queued(&self, queue: &mut MutexGuard<Queue>) {
+        let taken = std::mem::take(&mut queue.bytes);
+        queue.is_writing = true;
+        let began = Instant::now();
+        let outcome = MutexGuard::unlocked(queue, || self.write_all(&taken));
+        queue.is_writing = false;
+        queue.latest = Some((Instant::now(), began.elapsed()));
+        queue.error = outcome.err().or(queue.error.take());
+        self.changed.notify_all();
     }
 
     /// Writes all of `bytes`, and waits where a reader shares a pipe or terminal that does not
@@ -231,7 +202,7 @@ impl Stream {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
                 Ok(n) => {
                     bytes = &bytes[n..];
-                    self.written.fetch_add(n as u64, Ordering::Relaxed);
+                    self.queue.lock().written += n;
                 }
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
@@ -254,10 +225,8 @@ pub fn stderr() -> &'static Stream {
     &STDERR
 }
 
-/// Prints a text to standard output and waits until it is written.
-///
-/// # Errors
-/// It cannot be written. A reader that closes the pipe early (`| head`) is not an error.
+/// Prints a text to standard output and waits until it is written. A reader that closes the pipe early
+/// (`| head`) is not an error.
 pub fn print_text(text: &str) -> io::Result<()> {
     match STDOUT.print(text.as_bytes()).and_then(|()| STDOUT.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
@@ -292,15 +261,6 @@ pub fn finish() {
     let _ = STDERR.flush();
 }
 
-// Without the locks of the standard library, which a blocked writer would hold.
-fn write_to_stdout(bytes: &[u8]) -> io::Result<usize> {
-    Ok(nix::unistd::write(io::stdout(), bytes)?)
-}
-
-fn write_to_stderr(bytes: &[u8]) -> io::Result<usize> {
-    Ok(nix::unistd::write(io::stderr(), bytes)?)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -309,13 +269,13 @@ mod tests {
     static READ: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 
     #[test]
-    fn a_reader_that_stops_gets_everything_in_order_later_and_delays_nobody() {
+    fn a_reader_that_stops_gets_everything_in_order_later_and_errors_are_reported_once() {
         // A reader that takes a few bytes at a time, and none while the gate is closed.
         static STREAM: Stream = Stream::new("test", |bytes| {
             let _open = GATE.lock();
             let n = bytes.len().min(3);
             READ.lock().extend_from_slice(&bytes[..n]);
-            Ok(n)
+            if bytes.starts_with(b"!") { Err(ErrorKind::StorageFull.into()) } else { Ok(n) }
         });
         let closed = GATE.lock();
         let began = Instant::now();
@@ -327,21 +287,8 @@ mod tests {
         drop(closed);
         STREAM.flush().expect("written");
         assert_eq!(String::from_utf8_lossy(&READ.lock()), lines.concat());
-    }
-
-    #[test]
-    fn an_error_is_reported_once_and_later_lines_are_tried_again() {
-        static FULL: AtomicBool = AtomicBool::new(true);
-        static STREAM: Stream = Stream::new("test", |bytes| {
-            if FULL.load(Ordering::Relaxed) {
-                Err(ErrorKind::StorageFull.into())
-            } else {
-                Ok(bytes.len())
-            }
-        });
-        let printed = STREAM.print(b"a").and_then(|()| STREAM.flush());
+        let printed = STREAM.print(b"!").and_then(|()| STREAM.flush());
         assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);
-        FULL.store(false, Ordering::Relaxed);
         assert!(STREAM.print(b"b").and_then(|()| STREAM.flush()).is_ok());
     }
 }

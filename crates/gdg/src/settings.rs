@@ -4,12 +4,12 @@
 //! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
 //! `--print-config`, the settings dialog, the page of settings and the ablation come from these.
 
-pub(crate) mod values;
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
-
-pub(crate) use values::Excluded;
-pub use values::{Auto, AutoWord, Values};
+use serde_json::Value;
 
 /// A named set of settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,10 +26,8 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// All presets.
     pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Tuned, Self::Sb3];
 
-    /// Returns the name used on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
@@ -39,12 +37,10 @@ impl Preset {
         }
     }
 
-    /// Returns the preset called `name`.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Default => "All additions that measurably help",
@@ -64,59 +60,13 @@ impl Preset {
     }
 }
 
-/// A group of related settings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Group {
-    /// The networks and their inputs.
-    Networks,
-    /// The critics' targets.
-    Targets,
-    /// Composition of a batch.
-    Batches,
-    /// Step sizes, update schedule and backend.
-    Optimiser,
-    /// Agents, episodes and the world.
-    Agents,
-    /// How agents explore.
-    Exploration,
-    /// Bridge candidates and the edges between them.
-    Bridges,
-    /// Execution of plans.
-    Planning,
-}
-
-impl Group {
-    /// All groups, in the order in which settings are listed.
-    pub const ALL: [Self; 8] = [
-        Self::Networks,
-        Self::Targets,
-        Self::Batches,
-        Self::Optimiser,
-        Self::Agents,
-        Self::Exploration,
-        Self::Bridges,
-        Self::Planning,
-    ];
-
-    /// Returns its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Networks => "networks",
-            Self::Targets => "targets",
-            Self::Batches => "batches",
-            Self::Optimiser => "optimiser",
-            Self::Agents => "agents",
-            Self::Exploration => "exploration",
-            Self::Bridges => "bridges",
-            Self::Planning => "planning",
-        }
-    }
-}
+/// The groups of settings, in the order in which they are listed.
+pub(crate) const GROUPS: [&str; 8] =
+    ["networks", "targets", "batches", "optimiser", "agents", "exploration", "bridges", "planning"];
 
 /// Effect of changing a setting during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// Takes effect immediately.
     Immediate,
     /// Restarts agents and episodes; keeps networks and replay buffer.
     NewAgents,
@@ -125,7 +75,6 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Immediate => "takes effect immediately",
@@ -140,15 +89,11 @@ impl Effect {
 pub struct Setting {
     /// Its name on the command line and in files.
     pub name: &'static str,
-    /// The group it belongs to.
-    pub group: Group,
-    /// Description.
+    pub group: &'static str,
     pub about: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
-    /// Its valid values.
     pub values: Values,
-    /// Effect of a change during a run.
     pub effect: Effect,
     /// The experiment that does without it.
     pub ablation: Option<Ablation>,
@@ -157,29 +102,224 @@ pub struct Setting {
 /// A run that does without something, by another value of its setting.
 #[derive(Clone, Copy, Debug)]
 pub struct Ablation {
-    /// What is missing.
     pub name: &'static str,
     /// The setting's value, as typed.
     pub value: &'static str,
 }
 
-/// Returns an [`Ablation`] for an entry.
 #[expect(clippy::unnecessary_wraps, reason = "as the entry's field takes it")]
 pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<Ablation> {
     Some(Ablation { name, value })
 }
 
 impl Setting {
-    /// Defaults for what an entry leaves out.
     pub(crate) const PLAIN: Self = Self {
         name: "",
-        group: Group::Networks,
+        group: GROUPS[0],
         about: "",
         unit: "",
         values: Values::SWITCH,
         effect: Effect::Immediate,
         ablation: None,
     };
+}
+
+/// A setting that is derived from the run unless it is given. In JSON, `"auto"` or the value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Auto<T> {
+    /// The given value.
+    Given(T),
+    /// Derived from the run.
+    Auto(AutoWord),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AutoWord {
+    Auto,
+}
+
+impl<T: Copy> Auto<T> {
+    pub const AUTO: Self = Self::Auto(AutoWord::Auto);
+
+    pub fn given(self) -> Option<T> {
+        match self {
+            Self::Given(value) => Some(value),
+            Self::Auto(_) => None,
+        }
+    }
+}
+
+/// The valid values of a setting. Displayed, they complete "must be".
+#[derive(Clone, Copy, Debug)]
+pub struct Values {
+    pub(crate) kind: Kind,
+    /// Whether `"auto"` is valid, too.
+    pub(crate) or_auto: bool,
+    /// Additional condition on other settings; [`Values::accept`] does not check it.
+    condition: &'static str,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Kind {
+    Switch,
+    Word(&'static [&'static str]),
+    /// A whole number within both bounds, or without an upper bound.
+    Count {
+        from: u64,
+        to: u64,
+    },
+    /// A number in single precision, within both bounds or without one of them.
+    Number {
+        noun: &'static str,
+        from: f32,
+        to: f32,
+        excluded: Excluded,
+    },
+    /// A list of at most `max_len` numbers, each within both bounds.
+    Numbers {
+        max_len: usize,
+        from: f32,
+        to: f32,
+    },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Excluded {
+    None,
+    Lower,
+    Upper,
+    Both,
+}
+
+impl Values {
+    pub(crate) const SWITCH: Self = Self::of(Kind::Switch);
+
+    /// A number above 0, large enough to divide by.
+    pub(crate) const POSITIVE: Self = Self::number(1e-38, 3e38);
+
+    pub(crate) const FRACTION: Self = Self::measure("a fraction", 0.0, 1.0);
+
+    pub(crate) const PROBABILITY: Self = Self::measure("a probability", 0.0, 1.0);
+
+    const fn of(kind: Kind) -> Self {
+        Self { kind, or_auto: false, condition: "" }
+    }
+
+    pub(crate) const fn word(words: &'static [&'static str]) -> Self {
+        Self::of(Kind::Word(words))
+    }
+
+    pub(crate) const fn count(from: u64, to: u64) -> Self {
+        Self::of(Kind::Count { from, to })
+    }
+
+    pub(crate) const fn number(from: f32, to: f32) -> Self {
+        Self::measure("a number", from, to)
+    }
+
+    pub(crate) const fn steps(from: f32, to: f32) -> Self {
+        Self::measure("a number of steps", from, to)
+    }
+
+    pub(crate) const fn measure(noun: &'static str, from: f32, to: f32) -> Self {
+        Self::of(Kind::Number { noun, from, to, excluded: Excluded::None })
+    }
+
+    /// A number from 0 to 1, without one bound or both.
+    pub(crate) const fn unit(excluded: Excluded) -> Self {
+        Self::of(Kind::Number { noun: "a number", from: 0.0, to: 1.0, excluded })
+    }
+
+    pub(crate) const SCALES: Self = Self::of(Kind::Numbers { max_len: 16, from: 0.01, to: 1e6 });
+
+    pub(crate) const fn or_auto(self) -> Self {
+        Self { or_auto: true, ..self }
+    }
+
+    /// These values, with a `condition` that involves other settings and is checked with them.
+    pub(crate) const fn with(self, condition: &'static str) -> Self {
+        Self { condition, ..self }
+    }
+
+    /// Whether they are whole numbers (or, for some settings, a word).
+    pub fn are_counts(&self) -> bool {
+        matches!(self.kind, Kind::Count { .. })
+    }
+
+    pub fn are_switch(&self) -> bool {
+        self.kind == Kind::Switch
+    }
+
+    /// Whether `value` is one of them, as JSON.
+    pub fn accept(&self, value: &Value) -> bool {
+        // As the field reads it.
+        let real = |value: &Value| value.as_f64().map(|value| value as f32);
+        if self.or_auto && value == "auto" {
+            return true;
+        }
+        match self.kind {
+            Kind::Switch => value.is_boolean(),
+            Kind::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
+            Kind::Count { from, to } => value.as_u64().is_some_and(|n| from <= n && n <= to),
+            Kind::Number { from, to, excluded, .. } => {
+                real(value).is_some_and(|v| match excluded {
+                    Excluded::None => from <= v && v <= to,
+                    Excluded::Lower => from < v && v <= to,
+                    Excluded::Upper => from <= v && v < to,
+                    Excluded::Both => from < v && v < to,
+                })
+            }
+            Kind::Numbers { max_len, from, to } => value.as_array().is_some_and(|list| {
+                let fits = |v: &Value| real(v).is_some_and(|v| (from..=to).contains(&v));
+                list.len() <= max_len && list.iter().all(fits)
+            }),
+        }
+    }
+}
+
+impl fmt::Display for Values {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if self.or_auto {
+            f.write_str("auto, or ")?;
+        }
+        match self.kind {
+            Kind::Switch => f.write_str("true or false")?,
+            Kind::Word(words) => {
+                let (last, others) = words.split_last().unwrap_or((&"", &[]));
+                write!(f, "{} or {last}", others.join(", "))?;
+            }
+            Kind::Count { from, to: u64::MAX } => write!(f, "an integer, {from} or more")?,
+            Kind::Count { from, to } if to == from + 1 => {
+                write!(f, "an integer, {from} or {to}")?;
+            }
+            Kind::Count { from, to } => write!(f, "an integer from {from} to {to}")?,
+            Kind::Number { noun, from, to, excluded } => {
+                let (from, to) = (Short(from), Short(to));
+                match excluded {
+                    Excluded::None => write!(f, "{noun} from {from} to {to}"),
+                    Excluded::Lower => write!(f, "{noun} above {from}, at most {to}"),
+                    Excluded::Upper => write!(f, "{noun} from {from}, below {to}"),
+                    Excluded::Both => write!(f, "{noun} above {from} and below {to}"),
+                }?;
+            }
+            Kind::Numbers { max_len, from, to } => {
+                write!(f, "up to {max_len} numbers from {} to {}", Short(from), Short(to))?;
+            }
+        }
+        if self.condition.is_empty() { Ok(()) } else { write!(f, ", {}", self.condition) }
+    }
+}
+
+/// Writes a number exactly, in as few characters as it takes: `0.01`, `1e6`.
+struct Short(f32);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [plain, scientific] = [format!("{}", self.0), format!("{:e}", self.0)];
+        f.write_str(if plain.len() <= scientific.len() { &plain } else { &scientific })
+    }
 }
 
 /// Defines a struct of settings from one entry each, by group:
@@ -221,12 +361,11 @@ macro_rules! settings {
         }
 
         impl $name {
-            /// An entry for each field.
             #[allow(clippy::needless_update, reason = "an entry may give all there is")]
             pub(crate) const ENTRIES: &'static [$crate::settings::Setting] = &[
                 $($($crate::settings::Setting {
                     name: stringify!($field),
-                    group: $crate::settings::Group::$group,
+                    group: stringify!($group),
                     about: $about,
                     $($property: $content,)*
                     ..$crate::settings::Setting::PLAIN

@@ -3,6 +3,8 @@
 //! Worlds, learners and the trainer save themselves to a [`Store`] and load themselves from one;
 //! only the checkpoint module knows how a store becomes a file.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 use std::collections::BTreeMap;
 
 use serde::de::DeserializeOwned;
@@ -18,34 +20,29 @@ pub struct Store {
     values: BTreeMap<String, Vec<u8>>,
 }
 
-/// An error in a store's contents.
+/// What is wrong with a store's contents: they are missing, of another type, contradict each other or
+/// the settings, or are out of range.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StoreError {
-    /// Numbers or a value are missing.
-    #[error("has no {0}: it is not a checkpoint")]
-    Missing(String),
-    /// A value cannot be read as the expected type.
-    #[error("its {name} cannot be read: {why}")]
-    Unreadable {
-        /// Its name.
-        name: String,
-        /// The parser's message.
-        why: String,
-    },
-    /// Contents contradict each other or the settings, or are out of range.
-    #[error("{0}")]
-    Inconsistent(String),
-}
+#[error("{0}")]
+pub struct StoreError(String);
 
 impl StoreError {
     /// Creates an error about contents that do not fit.
     pub fn inconsistent(message: impl Into<String>) -> Self {
-        Self::Inconsistent(message.into())
+        Self(message.into())
     }
 
-    /// Creates an error about a value that cannot be read.
+    /// Returns an error with this message unless contents are as they should be.
+    pub fn unless(holds: bool, message: &str) -> Result<(), Self> {
+        if holds { Ok(()) } else { Err(Self::inconsistent(message)) }
+    }
+
+    pub(crate) fn missing(name: &str) -> Self {
+        Self(format!("has no {name}: it is not a checkpoint"))
+    }
+
     pub(crate) fn unreadable(name: &str, why: impl std::fmt::Display) -> Self {
-        Self::Unreadable { name: name.to_owned(), why: why.to_string() }
+        Self(format!("its {name} cannot be read: {why}"))
     }
 }
 
@@ -55,31 +52,16 @@ impl Store {
         self.numbers.insert(name.into(), numbers);
     }
 
-    /// Returns the numbers called `name`.
-    ///
-    /// # Errors
-    /// They are missing.
     pub fn numbers(&self, name: &str) -> Result<&[f32], StoreError> {
-        self.numbers
-            .get(name)
-            .map(Vec::as_slice)
-            .ok_or_else(|| StoreError::Missing(name.to_owned()))
+        self.numbers.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::missing(name))
     }
 
-    /// Adds a value, replacing one of the same name.
-    ///
-    /// # Errors
-    /// Postcard cannot express it.
     pub fn put(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let bytes = to_bytes(value).map_err(|e| StoreError::unreadable(name, e))?;
         self.values.insert(name.to_owned(), bytes);
         Ok(())
     }
 
-    /// Returns the value called `name`.
-    ///
-    /// # Errors
-    /// It is missing or not a `T`.
     pub fn get<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         let (value, rest) = postcard::take_from_bytes(self.bytes(name)?)
             .map_err(|e| StoreError::unreadable(name, e))?;
@@ -90,23 +72,15 @@ impl Store {
         }
     }
 
-    /// Adds a text, replacing one of the same name.
     pub fn put_text(&mut self, name: &str, text: impl Into<String>) {
         self.values.insert(name.to_owned(), text.into().into_bytes());
     }
 
-    /// Returns the text called `name`.
-    ///
-    /// # Errors
-    /// It is missing or not a text.
     pub fn text(&self, name: &str) -> Result<&str, StoreError> {
         str::from_utf8(self.bytes(name)?).map_err(|e| StoreError::unreadable(name, e))
     }
 
     /// Adds a value as JSON, for types that postcard does not know.
-    ///
-    /// # Errors
-    /// JSON cannot express it.
     pub fn put_json(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let text = serde_json::to_string(value).map_err(|e| StoreError::unreadable(name, e))?;
         self.put_text(name, text);
@@ -114,18 +88,14 @@ impl Store {
     }
 
     /// Returns the value added by [`Self::put_json`].
-    ///
-    /// # Errors
-    /// It is missing or not a `T`.
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         serde_json::from_str(self.text(name)?).map_err(|e| StoreError::unreadable(name, e))
     }
 
     fn bytes(&self, name: &str) -> Result<&[u8], StoreError> {
-        self.values.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::Missing(name.to_owned()))
+        self.values.get(name).map(Vec::as_slice).ok_or_else(|| StoreError::missing(name))
     }
 
-    /// Returns whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.numbers.values().flatten().all(|number| number.is_finite())
     }
@@ -200,19 +170,15 @@ impl<'de> Deserialize<'de> for Bytes<&'de [u8]> {
 
 /// Floats by planes: the lowest bytes of all of them, then the next higher ones, and so on. Most
 /// bits of a float are random, but its exponent is not: its plane can be packed.
-pub mod planes {
+pub(crate) mod planes {
     use serde::{Deserialize, Deserializer, Serializer};
 
     use super::{Bytes, from_zigzag, zigzag};
 
-    /// # Errors
-    /// The serializer's.
     pub fn serialize<S: Serializer>(numbers: &[f32], to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(&of(numbers, None))
     }
 
-    /// # Errors
-    /// The deserializer's.
     pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<f32>, D::Error> {
         Bytes::deserialize(from).map(|Bytes(bytes)| numbers(bytes, None))
     }
@@ -233,7 +199,6 @@ pub mod planes {
         planes
     }
 
-    /// Returns the numbers with these `planes`.
     pub(super) fn numbers(planes: &[u8], near: Option<&[f32]>) -> Vec<f32> {
         let count = planes.len() / 4;
         let number = |i: usize| {
@@ -247,7 +212,6 @@ pub mod planes {
     }
 }
 
-/// Returns a value in postcard's form.
 pub(crate) fn to_bytes(value: &impl Serialize) -> postcard::Result<Vec<u8>> {
     postcard::to_extend(value, Vec::new())
 }
@@ -258,7 +222,6 @@ pub(crate) fn zigzag(difference: u32) -> u32 {
     difference << 1 ^ (difference.cast_signed() >> 31).cast_unsigned()
 }
 
-/// Reverses [`zigzag`].
 pub(crate) fn from_zigzag(number: u32) -> u32 {
     number >> 1 ^ (number & 1).wrapping_neg()
 }
@@ -304,6 +267,6 @@ mod tests {
         ] {
             assert!(error.to_string().starts_with("its some cannot be read: "), "{error}");
         }
-        assert_eq!(store.get::<u8>("other"), Err(StoreError::Missing("other".to_owned())));
+        assert_eq!(store.get::<u8>("other"), Err(StoreError::missing("other")));
     }
 }

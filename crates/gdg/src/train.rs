@@ -1,18 +1,16 @@
 //! Training: exploring agents, updates interleaved with their steps, evaluation and checkpoints.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 mod checkpoint;
 mod config;
 mod dataset;
-mod error;
 mod evaluate;
 mod film;
-mod graphs;
 mod history;
 mod leaps;
 pub mod memory;
-mod method;
 mod policy_file;
-mod reference_page;
 mod registry;
 mod rollout;
 mod run;
@@ -22,36 +20,68 @@ mod settings;
 mod trainer;
 mod visits;
 
+use crate::env::EnvError;
+use crate::learn::LearnError;
 pub use crate::settings::{Effect, Preset, Setting};
+use crate::store::StoreError;
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, SaveTo, describe, from_bytes, is_checkpoint, is_own,
-    load, load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
+    CheckpointError, Description, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
+    load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
 };
 pub use config::{
-    ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from,
-    settings_from_text, settings_in_world, with_setting,
+    ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
+    settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use dataset::{DataSource, Dataset, data_file};
-pub use error::{DataError, TrainError};
-pub use evaluate::{
-    BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome,
-    TaskWalk,
-};
+pub use evaluate::{EvaluationJob, TaskWalk};
 pub use film::{Film, FilmFrame};
-pub use history::{
-    CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes, Stretch, UsedMethod,
-};
-pub use method::{METHODS, Method, NamedMethod, UnknownMethod};
+pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Moment, Notes};
 pub use policy_file::policy_file;
-pub use reference_page::reference_page;
-pub use registry::Registry;
-pub use rollout::Rollout;
+pub use registry::{METHODS, Method, NamedMethod, Registry};
 #[cfg(test)]
 pub(crate) use run::tests::small_run;
-pub use run::{Counters, EndReason, Limits, Run, Tick};
-pub use score::{DistanceScore, Score, Success};
-pub use session::{Due, EvaluateAt, Schedule, Session};
-pub use settings::{OutOfRange, SETTINGS, Settings, TrainSettings, UpdateWhen};
-pub use trainer::{
-    About, KeptState, LeftOut, Pace, Recovery, Saved, Trainer, WorldChange, resets_networks,
+pub use run::{Counters, EndReason, Limits, Pace, Run, Tick};
+pub use score::{
+    BridgeFacts, DistanceError, DistanceScore, Evaluation, MarkedTask, Score, Success, TaskOutcome,
 };
+pub use session::{Due, EvaluateAt, Schedule, Session};
+pub use settings::{SETTINGS, Settings, TrainSettings};
+pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
+
+impl From<candle_core::Error> for TrainError {
+    fn from(error: candle_core::Error) -> Self {
+        Self::Learn(error.into())
+    }
+}
+
+/// Why a file of data cannot be learned from.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{file}: {problem}")]
+pub struct DataError {
+    pub file: String,
+    /// What is wrong, and what would be right.
+    pub problem: String,
+}
+
+/// An error that stops training or prevents it from starting.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    #[error(transparent)]
+    Learn(#[from] LearnError),
+    /// A thread cannot be started.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] std::io::Error),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// A world cannot replace the current one.
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    /// The settings need more memory than is available.
+    #[error("{0}")]
+    Memory(String),
+    /// The learner is not registered, or the networks are not finite.
+    #[error("{0}")]
+    Other(String),
+}

@@ -347,24 +347,3 @@ fn actions_lead_to_the_next_observations_that_a_file_has() {
     let expected = pairs(&[[[0.5, 0.5], [1.5, 0.5]], [[1.5, 0.5], [2.5, 0.5]]]);
     assert_eq!(found(moved, false), (expected, 2));
 }
-
-#[test]
-fn a_checkpoint_contains_the_data_once_their_file_is_another_one() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = recorded(folder.path(), 7);
-    let mut trainer = learner(&file, settings(), 1);
-    train_to(&mut trainer, 30);
-    assert!(trainer.take_warnings().is_empty());
-    for (lost, change) in [
-        ("has changed", (|file| std::fs::write(file, b"other").unwrap()) as fn(&Path)),
-        ("can no longer be read", |file| std::fs::remove_file(file).unwrap()),
-    ] {
-        change(&file);
-        let warnings = trainer.take_warnings();
-        assert!(warnings[0].contains(lost), "{warnings:?}");
-        let mut again = resumed(&trainer, 1);
-        let updates = trainer.counters().updates + 30;
-        train_all([&mut trainer, &mut again], updates);
-        assert_same(&trainer, &again);
-    }
-}

@@ -1,148 +1,108 @@
 //! Figures 1, 3, 4 and 6: curves of several methods, each over several seeds.
 
-use std::collections::BTreeMap;
-
 use super::MethodRuns;
-use super::catalogue::{Entry, Figure, Shows};
-use crate::experiment::plan::{Length, Plan};
-use crate::experiment::plot::{Points, mean};
+use super::catalogue::{Figure, Shows};
+use crate::experiment::plot::{Axis, Line, Points};
 use crate::experiment::spec::JobResult;
-use crate::figure::Point;
+use crate::figure::{Chart, Range};
 use gdg::train::{DistanceScore, Evaluation, TaskOutcome};
 
-/// A chart: one measure of all methods.
+/// A chart: one measure, with a line for each method.
 pub struct Panel {
-    /// Name of the measure in data.
-    pub measure: &'static str,
     pub labels: [&'static str; 2],
     /// Upper end of the vertical axis, if it is fixed.
     pub top: Option<f64>,
-    pub curves: Vec<Curve>,
-}
-
-/// A method's curve.
-pub struct Curve {
-    pub entry: &'static Entry,
-    pub seeds: BTreeMap<u64, Points>,
+    pub lines: Vec<Line>,
 }
 
 impl Panel {
-    pub fn curve_of(&self, method: &MethodRuns) -> Option<&Curve> {
-        self.curves.iter().find(|curve| curve.entry.name == method.entry.name)
+    pub fn chart(&self) -> Chart {
+        let points = || self.lines.iter().flat_map(|line| line.seeds.values().flatten());
+        let x = [0.0, points().map(|point| point.0).fold(1.0, f64::max)];
+        Chart {
+            title: String::new(),
+            labels: self.labels.map(str::to_owned),
+            x,
+            y: match self.top {
+                Some(high) => Range { high, ..Range::SHARE },
+                None => Range::from_zero(points().map(|point| point.1)),
+            },
+            curves: self.lines.iter().map(|line| line.curve(x)).collect(),
+        }
     }
 }
 
-impl Curve {
-    pub fn means(&self) -> Vec<Point> {
-        mean(&self.seeds, [0.0, f64::INFINITY])
-    }
-
-    pub fn last(&self) -> Vec<f64> {
-        self.seeds.values().filter_map(|points| Some(points.last()?.1)).collect()
-    }
-
-    pub fn least(&self) -> Vec<f64> {
-        let least = |points: &Points| points.iter().map(|(_, value)| *value).reduce(f64::min);
-        self.seeds.values().filter_map(least).collect()
-    }
-
-    /// Returns, for each seed, the place on the horizontal axis from which on the curve stays at
-    /// `value`; `None` if it does not at the end.
-    pub fn stays_at(&self, value: f64) -> Vec<Option<f64>> {
-        let since = |points: &Points| {
-            let from = points.iter().rposition(|(_, now)| *now < value).map_or(0, |i| i + 1);
-            points.get(from).map(|(x, _)| *x)
-        };
-        self.seeds.values().map(since).collect()
-    }
+/// Returns the last value of each seed.
+pub fn last(line: &Line) -> Vec<f64> {
+    line.seeds.values().filter_map(|points| Some(points.last()?.1)).collect()
 }
 
+/// Returns the least value of each seed.
+pub fn least(line: &Line) -> Vec<f64> {
+    let least = |points: &Points| points.iter().map(|(_, value)| *value).reduce(f64::min);
+    line.seeds.values().filter_map(least).collect()
+}
+
+/// Returns, for each seed, the place on the horizontal axis from which on the line stays at
+/// `value`; `None` if it does not at the end.
+pub fn stays_at(line: &Line, value: f64) -> Vec<Option<f64>> {
+    let since = |points: &Points| {
+        let from = points.iter().rposition(|(_, now)| *now < value).map_or(0, |i| i + 1);
+        points.get(from).map(|(x, _)| *x)
+    };
+    line.seeds.values().map(since).collect()
+}
+
+/// Returns the charts of a figure, if it shows curves. Methods are compared over what they were
+/// allowed to experience, or, where that is the same recorded data, over updates.
 pub fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<Panel> {
-    let over = axis(methods);
-    let curves = |points: &dyn Fn(&MethodRuns, &JobResult) -> Points| {
-        let curve = |method: &MethodRuns| {
-            let seeds = method.results.iter().map(|result| (result.seed, points(method, result)));
-            Curve { entry: method.entry, seeds: seeds.collect() }
+    let over = if figure.shows == Shows::Datasets { Axis::Updates } else { Axis::Steps };
+    let panel = |chart: &str, labels, top, points: &dyn Fn(&JobResult) -> Points| {
+        let line = |(marker, method): (usize, &MethodRuns)| Line {
+            chart: chart.to_owned(),
+            name: method.entry.title.to_owned(),
+            colour: method.entry.colour,
+            marker,
+            seeds: method.results.iter().map(|result| (result.seed, points(result))).collect(),
         };
-        methods.iter().map(curve).collect::<Vec<_>>()
+        Panel { labels, top, lines: methods.iter().enumerate().map(line).collect() }
     };
-    let training = |measure, label, top, of: &dyn Fn(&Evaluation) -> Option<f64>| Panel {
-        measure,
-        labels: [over.unit(), label],
-        top,
-        curves: curves(&|method, result| training(over, method.plan(), result, of)),
+    let training = |chart, label, top, of: fn(&Evaluation) -> Option<f64>| {
+        let points = |result: &JobResult| -> Points {
+            let all = result.evaluations.iter();
+            all.filter_map(|at| Some((over.of(at)?, of(&at.evaluation)?))).collect()
+        };
+        panel(chart, [over.label(), label], top, &points)
     };
-    let left = |of: fn(&TaskOutcome) -> Option<f64>| move |e: &Evaluation| of(&marked(e)?);
     match figure.shows {
         Shows::Success | Shows::CompleteSuccess => {
-            vec![training("success", "success rate", Some(1.0), &Evaluation::success_rate)]
+            vec![training("success", "success rate", Some(1.0), Evaluation::success_rate)]
         }
-        Shows::SuccessByDistance => vec![Panel {
-            measure: "success",
-            labels: ["steps from start to goal", "success rate"],
-            top: Some(1.0),
-            curves: curves(&|_, result| by_distance(result)),
-        }],
-        Shows::DistanceLeft => {
-            let steps = left(|outcome| outcome.left_steps.map(f64::from));
-            let straight = left(|outcome| outcome.left_straight.map(f64::from));
-            vec![
-                training("steps_left", "steps left to the goal", None, &steps),
-                training("straight_left", "straight line left (cells)", None, &straight),
-            ]
+        Shows::SuccessByDistance => {
+            let labels = ["steps from start to goal", "success rate"];
+            vec![panel("success", labels, Some(1.0), &by_distance)]
         }
-        Shows::Datasets => {
-            let planned = |e: &Evaluation| e.planned.as_ref()?.success;
-            let alone = |e: &Evaluation| e.greedy.success;
-            vec![
-                training("planned", "success rate, planned", Some(1.0), &planned),
-                training("actor_alone", "success rate, actor alone", Some(1.0), &alone),
-            ]
-        }
+        Shows::DistanceLeft => vec![
+            training("steps left", "steps left to the goal", None, |e| {
+                marked(e)?.left_steps.map(f64::from)
+            }),
+            training("straight line left", "straight line left (cells)", None, |e| {
+                marked(e)?.left_straight.map(f64::from)
+            }),
+        ],
+        Shows::Datasets => vec![
+            training("planned", "success rate, planned", Some(1.0), |e| {
+                e.planned.as_ref()?.success
+            }),
+            training("actor alone", "success rate, actor alone", Some(1.0), |e| e.greedy.success),
+        ],
         Shows::Bridge | Shows::Paths => Vec::new(),
     }
-}
-
-/// Returns a length in the unit of the horizontal axis: episodes or steps if any method trains for
-/// a number of them.
-fn axis(methods: &[MethodRuns]) -> Length {
-    let rank = |length: &Length| match length {
-        Length::Episodes(_) => 2,
-        Length::Steps(_) => 1,
-        Length::Updates(_) => 0,
-    };
-    let lengths = methods.iter().map(|method| method.plan().length);
-    lengths.max_by_key(rank).unwrap_or(Length::Updates(0))
 }
 
 fn marked(evaluation: &Evaluation) -> Option<TaskOutcome> {
     let marked = evaluation.marked?;
     Some(marked.planned.unwrap_or(marked.greedy))
-}
-
-/// Returns a measure at every evaluation, over the unit of `axis`.
-fn training(
-    axis: Length,
-    plan: &Plan,
-    result: &JobResult,
-    of: &dyn Fn(&Evaluation) -> Option<f64>,
-) -> Points {
-    let marks = plan.marks();
-    let is_marked = axis.unit() == plan.length.unit() && marks.len() == result.evaluations.len();
-    let (episodes, env_steps) =
-        result.measured.as_ref().map_or((0, 0), |m| (m.episodes, m.env_steps));
-    // Not counted at each evaluation: they come about equally fast.
-    let about = |updates: u64, all: u64| {
-        (updates as f64 / result.updates.max(1) as f64 * all as f64).round()
-    };
-    let at = |i: usize, updates: u64| match axis {
-        Length::Updates(_) => updates as f64,
-        _ if is_marked => marks[i] as f64,
-        Length::Episodes(_) => about(updates, episodes),
-        Length::Steps(_) => about(updates, env_steps),
-    };
-    let evaluations = result.evaluations.iter().enumerate();
-    evaluations.filter_map(|(i, e)| Some((at(i, e.updates), of(&e.evaluation)?))).collect()
 }
 
 fn by_distance(result: &JobResult) -> Points {
@@ -160,9 +120,14 @@ mod tests {
     fn a_curve_stays_complete_from_the_last_time_that_it_became_so() {
         let points = |values: [f64; 4]| [10.0, 20.0, 30.0, 40.0].into_iter().zip(values).collect();
         let seeds = [(1, points([1.0, 0.9, 1.0, 1.0])), (2, points([0.2, 1.0, 1.0, 0.8]))];
-        let curve = Curve { entry: &super::super::catalogue::DEFAULT, seeds: seeds.into() };
-        assert_eq!(curve.stays_at(1.0), [Some(30.0), None]);
-        assert_eq!((curve.least(), curve.last()), (vec![0.9, 0.2], vec![1.0, 0.8]));
-        assert_eq!(curve.means()[0], Point { x: 10.0, mean: 0.6, low: 0.2, high: 1.0 });
+        let line = Line {
+            chart: String::new(),
+            name: String::new(),
+            colour: (0, 0, 0),
+            marker: 0,
+            seeds: seeds.into(),
+        };
+        assert_eq!(stays_at(&line, 1.0), [Some(30.0), None]);
+        assert_eq!((least(&line), last(&line)), (vec![0.9, 0.2], vec![1.0, 0.8]));
     }
 }

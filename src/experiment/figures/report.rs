@@ -1,13 +1,13 @@
 //! The report: every figure with the paper's results beside ours, in Markdown.
 
 use super::MethodRuns;
-use super::catalogue::{Figure, Shows};
-use super::curves::{Curve, Panel};
-
-use super::maps::MapPanel;
+use super::catalogue::{Budget, Figure, Shows};
+use super::curves::{Panel, last, least, stays_at};
 use super::ogbench::{PUBLISHED_METHODS, published_on};
 use super::output::Drawn;
-use crate::experiment::measure::RandomTasks;
+use crate::experiment::measure::{Measured, RandomTasks};
+use crate::experiment::plot::Line;
+use crate::experiment::report::markdown_table;
 use gdg::text::counted;
 
 /// How the bridge point of Figure 2 is found.
@@ -16,7 +16,7 @@ const BRIDGE_SEARCH: &str = "The published search, on one far task after another
                              are at least a quarter of D(s,g) from either end.";
 
 /// What the numbers of figures over training are.
-const AT_THE_END: &str = "success rate at the end, all distances";
+const AT_THE_END: &str = "Ours: success rate at the end, all distances.";
 
 /// What Figure 1 compares.
 const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and \
@@ -41,22 +41,19 @@ const OF_PAPER: &str = " Success: the goal reached within 500 steps, with the ar
                         paper's, whose arrays are not published: the city's diameter is 240 \
                         steps from cell to cell, as the paper's; a point takes 226. \"-\": the paper gives no number.";
 
-/// Returns the beginning of the report on figures, any of which is `of_paper`.
-pub fn head(arguments: &str, of_paper: bool, missing: &[&str], unavailable: &[&str]) -> String {
+/// Returns the beginning of the report on figures called `names`, any of which is `of_paper`.
+pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) -> String {
     let (title, more) = if of_paper {
         ("\"Reinforcement Learning with Goal-Distance Gradient\", reproduced", OF_PAPER)
     } else {
         ("OGBench's point mazes", "")
     };
+    let (version, names, budget) = (env!("CARGO_PKG_VERSION"), names.join(" "), budget.name());
     let mut out = format!(
-        "# {title}\n\nMade by gdg-tui {} with\n\n```sh\ngdg-tui {arguments}\n```\n\nLines are means \
-         over seeds, bands reach from the worst to the best seed.{more}\n",
-        env!("CARGO_PKG_VERSION")
+        "# {title}\n\nMade by gdg-tui {version} with `gdg-tui reproduce {names} --budget {budget}`, \
+         and what else the tables say of each run. Lines are means over seeds, bands reach from the \
+         worst to the best seed.{more}\n"
     );
-    if !unavailable.is_empty() {
-        let names = unavailable.join(", ");
-        out += &format!("\nLeft out, as this build has no such learner: {names}.\n");
-    }
     if !missing.is_empty() {
         let (count, names) = (counted(missing.len() as u64, "job"), missing.join("`, `"));
         out += &format!("\n**Not complete**: {count} missing: `{names}`.\n");
@@ -66,15 +63,11 @@ pub fn head(arguments: &str, of_paper: bool, missing: &[&str], unavailable: &[&s
 
 pub fn section(figure: &Figure, methods: &[MethodRuns], drawn: &Drawn) -> String {
     let (name, title) = (figure.name, figure.title);
-    let training = |what| training_table(figure, methods, &drawn.panels, what);
     let shown = match figure.shows {
-        Shows::Success => training(AT_THE_END),
-        Shows::CompleteSuccess => format!("{ARM}\n\n{}", training(AT_THE_END)),
-        Shows::DistanceLeft => training("left at the end"),
         Shows::SuccessByDistance => distance_table(methods, &drawn.panels[0]),
         Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
         Shows::Paths => maps_table(drawn),
-        Shows::Datasets => datasets_table(methods, &drawn.panels),
+        _ => training_table(figure, methods, &drawn.panels),
     };
     format!(
         "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
@@ -105,84 +98,105 @@ fn run(method: &MethodRuns) -> String {
     format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
 }
 
-/// A column besides the last values: its head, and what it shows of a method.
-type Column = (String, Show);
+/// What a column shows of a method, given its line in the first chart.
+type Show = fn(&MethodRuns, &Line) -> String;
 
-enum Show {
-    /// A summary of the whole curve of the first measure.
-    Curve(fn(&Curve) -> String),
-    /// Success on tasks drawn at random at the end.
-    Random(fn(&RandomTasks) -> f64),
-}
-
-/// Returns the columns that a figure has besides the last values, and what they need to be said.
-fn columns(figure: &Figure, axis: &str) -> (Vec<Column>, &'static str) {
+/// Returns the columns that a figure has besides the last values.
+fn columns(figure: &Figure) -> &'static [(&'static str, Show)] {
     match figure.shows {
-        Shows::CompleteSuccess => (
-            vec![(format!("1.00 from ({axis})"), Show::Curve(complete_from))],
-            " 1.00 from: the first evaluation from which on all are 1.00.",
-        ),
-        Shows::DistanceLeft => (
-            vec![
-                ("reached at the end".to_owned(), Show::Curve(reached_at_the_end)),
-                ("least steps left".to_owned(), Show::Curve(|curve| numbers(&curve.least(), 1))),
-            ],
-            " Least: of all evaluations, a walk each; 0 if one reaches the goal.",
-        ),
-        Shows::Success => (
-            vec![
-                ("anywhere".to_owned(), Show::Random(|random| random.anywhere)),
-                ("as in training".to_owned(), Show::Random(|random| random.as_in_training)),
-            ],
-            RANDOM,
-        ),
-        _ => (Vec::new(), ""),
+        Shows::CompleteSuccess => {
+            &[("1.00 from (environment steps)", complete_from), ("environment steps", steps)]
+        }
+        Shows::DistanceLeft => &[
+            ("reached at the end", reached_at_the_end),
+            ("least steps left", |_, line| numbers(&least(line), 1)),
+            ("environment steps", steps),
+        ],
+        Shows::Success => &[
+            ("anywhere", |method, _| random(method, |random| random.anywhere)),
+            ("as in training", |method, _| random(method, |random| random.as_in_training)),
+            ("environment steps", steps),
+        ],
+        _ => &[("seconds", |method, _| {
+            numbers(&method.results.iter().map(|result| result.seconds).collect::<Vec<f64>>(), 0)
+        })],
     }
 }
 
-fn training_table(figure: &Figure, methods: &[MethodRuns], panels: &[Panel], what: &str) -> String {
-    let titles: Vec<&str> = panels.iter().map(|panel| panel.labels[1]).collect();
-    let (columns, note) = columns(figure, panels[0].labels[0]);
-    let heads: String = columns.iter().map(|(head, _)| format!("{head} | ")).collect();
-    let mut out = format!(
-        "Ours: {what}.{note}\n\n| method | paper | ours: {} | {heads}environment steps | run |\n\
-         |---|---|{}---:|---|\n",
-        titles.join(" | ours: "),
-        "---:|".repeat(panels.len() + columns.len())
-    );
-    for method in methods {
-        let paper = figure.paper.iter().find(|(name, _)| *name == method.entry.name);
-        let paper = paper.map_or("-", |(_, text)| text);
-        let last = |panel: &Panel| {
-            let digits = if panel.top.is_some() { 3 } else { 1 };
-            panel.curve_of(method).map_or("-".to_owned(), |curve| numbers(&curve.last(), digits))
-        };
-        let values: Vec<String> = panels.iter().map(last).collect();
-        let measured = || method.results.iter().filter_map(|result| result.measured.as_ref());
-        let steps = measured().map(|measured| measured.env_steps).max().unwrap_or(0);
-        let of = |(_, show): &Column| match show {
-            Show::Curve(of) => panels[0].curve_of(method).map_or("-".to_owned(), of),
-            Show::Random(of) => {
-                let values = measured().filter_map(|measured| measured.random.as_ref().map(of));
-                numbers(&values.collect::<Vec<f64>>(), 3)
-            }
-        };
-        let sums: String = columns.iter().map(|column| format!("{} | ", of(column))).collect();
-        let (title, run) = (method.entry.title, run(method));
-        out += &format!("| {title} | {paper} | {} | {sums}{steps} | {run} |\n", values.join(" | "));
+/// Returns the last values of a figure over training, beside the published ones.
+fn training_table(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> String {
+    let columns = columns(figure);
+    let is_ogbench = figure.shows == Shows::Datasets;
+    let about = match figure.shows {
+        Shows::CompleteSuccess => format!(
+            "{ARM}\n\n{AT_THE_END} 1.00 from: the first evaluation from which on all are 1.00."
+        ),
+        Shows::DistanceLeft => {
+            "Ours: left at the end. Least: of all evaluations, a walk each; 0 if \
+                                one reaches the goal."
+                .to_owned()
+        }
+        Shows::Datasets => {
+            let episodes = counted(methods[0].plan().last_tasks.into(), "episode");
+            format!("Success in per cent, {episodes} of each of the five tasks, {DATASETS}")
+        }
+        _ => format!("{AT_THE_END}{RANDOM}"),
+    };
+    let published = if is_ogbench { &PUBLISHED_METHODS[..] } else { &["paper"] };
+    let ours = panels.iter().map(|panel| format!("ours: {}", panel.labels[1]));
+    let texts = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+    let mut head = texts(&["method"]);
+    head.extend(texts(published).into_iter().chain(ours));
+    head.extend(columns.iter().map(|(head, _)| (*head).to_owned()).chain(["run".to_owned()]));
+    let mut rows = vec![head];
+    for (i, method) in methods.iter().enumerate() {
+        let mut row = texts(&[method.entry.title]);
+        if is_ogbench {
+            let success = published_on(method.entry.name).unwrap_or([None; _]);
+            row.extend(success.map(|own| own.map_or("-".to_owned(), |own| own.to_string())));
+        } else {
+            let paper = figure.paper.iter().find(|(name, _)| *name == method.entry.name);
+            row.push(paper.map_or("-", |(_, text)| text).to_owned());
+        }
+        row.extend(panels.iter().map(|panel| {
+            let (times, digits) = match panel.top {
+                Some(_) if is_ogbench => (100.0, 0),
+                Some(_) => (1.0, 3),
+                None => (1.0, 1),
+            };
+            let last = last(&panel.lines[i]).into_iter().map(|value| times * value);
+            numbers(&last.collect::<Vec<f64>>(), digits)
+        }));
+        row.extend(columns.iter().map(|(_, show)| show(method, &panels[0].lines[i])));
+        row.push(run(method));
+        rows.push(row);
     }
-    out
+    let alignment = format!("l{}l", "r".repeat(rows[0].len() - 2));
+    format!("{about}\n\n{}", markdown_table(&alignment, &rows))
 }
 
-fn reached_at_the_end(curve: &Curve) -> String {
-    let left = curve.last();
+fn measured(method: &MethodRuns) -> impl Iterator<Item = &Measured> {
+    method.results.iter().filter_map(|result| result.measured.as_ref())
+}
+
+fn steps(method: &MethodRuns, _: &Line) -> String {
+    measured(method).map(|measured| measured.env_steps).max().unwrap_or(0).to_string()
+}
+
+fn random(method: &MethodRuns, of: fn(&RandomTasks) -> f64) -> String {
+    let values = measured(method).filter_map(|measured| measured.random.as_ref().map(of));
+    numbers(&values.collect::<Vec<f64>>(), 3)
+}
+
+fn reached_at_the_end(_: &MethodRuns, line: &Line) -> String {
+    let left = last(line);
     let reached = left.iter().filter(|left| **left == 0.0).count();
     format!("{reached} of {}", counted(left.len() as u64, "seed"))
 }
 
 /// Returns from where on success stays at 1, for the earliest and the latest seed.
-fn complete_from(curve: &Curve) -> String {
-    let from = curve.stays_at(1.0);
+fn complete_from(_: &MethodRuns, line: &Line) -> String {
+    let from = stays_at(line, 1.0);
     let mut places: Vec<f64> = from.iter().flatten().copied().collect();
     places.sort_by(f64::total_cmp);
     let range = match places[..] {
@@ -196,57 +210,32 @@ fn complete_from(curve: &Curve) -> String {
     }
 }
 
-/// Returns success in per cent on every dataset, beside the published one.
-fn datasets_table(methods: &[MethodRuns], panels: &[Panel]) -> String {
-    let mut out = format!(
-        "Success in per cent, {} of each of the five tasks, {DATASETS}\n\n| dataset | {} | **ours, planned** | ours, actor alone | seconds | run \
-         |\n|---|{}---|\n",
-        counted(methods[0].plan().last_tasks.into(), "episode"),
-        PUBLISHED_METHODS.join(" | "),
-        "---:|".repeat(PUBLISHED_METHODS.len() + 3)
-    );
-    for method in methods {
-        let name = method.entry.name;
-        let published = published_on(name).unwrap_or([None; _]);
-        let published = published.map(|success| success.map_or("-".to_owned(), |s| s.to_string()));
-        let ours = panels.iter().map(|panel| {
-            let last = panel.curve_of(method).map_or(Vec::new(), Curve::last);
-            numbers(&last.iter().map(|share| 100.0 * share).collect::<Vec<f64>>(), 0)
-        });
-        let ours = ours.collect::<Vec<_>>().join(" | ");
-        let seconds: Vec<f64> = method.results.iter().map(|result| result.seconds).collect();
-        let seconds = numbers(&seconds, 0);
-        let (published, run) = (published.join(" | "), run(method));
-        out += &format!("| {name} | {published} | {ours} | {seconds} | {run} |\n");
-    }
-    out
-}
-
 fn distance_table(methods: &[MethodRuns], panel: &Panel) -> String {
-    let points = panel.curves.iter().flat_map(|curve| curve.seeds.values().flatten());
+    let points = panel.lines.iter().flat_map(|line| line.seeds.values().flatten());
     let mut distances: Vec<f64> = points.map(|point| point.0).collect();
     distances.sort_by(f64::total_cmp);
     distances.dedup();
-    let head: String = distances.iter().map(|steps| format!(" {steps} steps |")).collect();
-    let tasks = counted(methods[0].plan().last_tasks.into(), "task");
-    let mut out = format!("Ours, {tasks} at each distance:\n\n| method |{head}\n|---|");
-    out += &("---:|".repeat(distances.len()) + "\n");
-    for curve in &panel.curves {
+    let heads = distances.iter().map(|steps| format!("{steps} steps"));
+    let mut rows = vec![["method".to_owned()].into_iter().chain(heads).collect()];
+    for line in &panel.lines {
         let at = |x: &f64| {
-            let points = curve.seeds.values().flatten().filter(|point| point.0 == *x);
+            let points = line.seeds.values().flatten().filter(|point| point.0 == *x);
             numbers(&points.map(|point| point.1).collect::<Vec<f64>>(), 2)
         };
-        let values: Vec<String> = distances.iter().map(at).collect();
-        out += &format!("| {} | {} |\n", curve.entry.title, values.join(" | "));
+        rows.push([line.name.clone()].into_iter().chain(distances.iter().map(at)).collect());
     }
-    out
+    let tasks = counted(methods[0].plan().last_tasks.into(), "task");
+    let table = markdown_table(&format!("l{}", "r".repeat(distances.len())), &rows);
+    format!("Ours, {tasks} at each distance:\n\n{table}")
 }
 
 fn maps_table(drawn: &Drawn) -> String {
-    let line = |panel: &MapPanel| format!("| {} | {} |\n", panel.title, panel.caption);
-    let lines: String = drawn.maps.iter().flatten().map(line).collect();
-    "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n| map | \
-     |\n|---|---|\n"
-        .to_owned()
-        + &lines
+    let rows = drawn.maps.iter().flatten();
+    let rows = rows.map(|panel| vec![panel.title.clone(), panel.caption.clone()]);
+    let head = vec!["map".to_owned(), String::new()];
+    let rows: Vec<Vec<String>> = std::iter::once(head).chain(rows).collect();
+    let table = markdown_table("ll", &rows);
+    format!(
+        "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n{table}"
+    )
 }

@@ -9,6 +9,7 @@ use super::{By, Measure, Options, csv_of};
 use crate::experiment::runs::SavedRun;
 use crate::experiment::spec::told_apart;
 use crate::figure::{Chart, Curve, Point, Range, colour};
+use gdg::draw::Rgb;
 use gdg::text::sanitized;
 
 /// Which runs share a curve, and which curves a chart.
@@ -81,40 +82,36 @@ impl Grouping {
     }
 }
 
-/// Charts, and the table behind them.
-pub struct Panels {
-    pub charts: Vec<Chart>,
-    pub table: Vec<u8>,
-    /// The smallest and the largest number of seeds of a curve.
-    pub seeds: [usize; 2],
-    pub notes: Vec<String>,
-}
-
 pub type Points = Vec<(f64, f64)>;
 
-/// Chart, curve, and the points of each seed; in the order in which they first appear.
-type Lines = Vec<(String, String, BTreeMap<u64, Points>)>;
+/// A curve: the points of each seed.
+pub struct Line {
+    /// The chart that it is in.
+    pub chart: String,
+    pub name: String,
+    pub colour: Rgb,
+    /// The number of its marker.
+    pub marker: usize,
+    pub seeds: BTreeMap<u64, Points>,
+}
 
-pub fn panels(runs: &[SavedRun], grouping: &Grouping, options: &Options) -> Result<Panels, Report> {
-    let mut notes = Vec::new();
-    let lines = lines(runs, grouping, options, &mut notes)?;
-    let x = range(&lines, options, &mut notes);
-    let head = ["chart", "curve", "seed", options.x.name(), options.y.name(), "low", "high"];
-    let mut table = Vec::new();
-    let mut names: Vec<&String> = Vec::new();
+impl Line {
+    /// Returns its means over a range.
+    pub fn curve(&self, x: [f64; 2]) -> Curve {
+        let points = mean(&self.seeds, x);
+        Curve { name: self.name.clone(), colour: self.colour, marker: self.marker, points }
+    }
+}
+
+/// Returns the charts of lines, in the order in which they first appear.
+pub fn charts(lines: &[Line], options: &Options, x: [f64; 2]) -> Vec<Chart> {
     let mut charts: Vec<Chart> = Vec::new();
-    for (title, name, seeds) in &lines {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-        let number = names.iter().position(|known| *known == name).unwrap_or(0);
-        let points = mean(seeds, x);
-        rows(&mut table, title, name, seeds, &points);
-        let curve = Curve { name: name.clone(), colour: colour(number), marker: number, points };
-        match charts.iter_mut().find(|chart| chart.title == *title) {
+    for line in lines {
+        let curve = line.curve(x);
+        match charts.iter_mut().find(|chart| chart.title == line.chart) {
             Some(chart) => chart.curves.push(curve),
             None => charts.push(Chart {
-                title: title.clone(),
+                title: line.chart.clone(),
                 labels: [options.x.label(), options.y.label()].map(str::to_owned),
                 x,
                 y: Range::SHARE,
@@ -127,32 +124,36 @@ pub fn panels(runs: &[SavedRun], grouping: &Grouping, options: &Options) -> Resu
         let range = Range::of_errors(points.flat_map(|point| [point.low, point.high]));
         charts.iter_mut().for_each(|chart| chart.y = range);
     }
-    let seeds = || lines.iter().map(|(_, _, seeds)| seeds.len());
-    let seeds = [seeds().min(), seeds().max()].map(Option::unwrap_or_default);
-    Ok(Panels { charts, table: csv_of(&head, table)?, seeds, notes })
+    charts
 }
 
-fn lines(
+/// Returns the lines of runs, in the order in which they first appear.
+pub fn lines(
     runs: &[SavedRun],
     grouping: &Grouping,
     options: &Options,
     notes: &mut Vec<String>,
-) -> Result<Lines, Report> {
-    let mut lines: Lines = Vec::new();
+) -> Result<Vec<Line>, Report> {
+    let (mut lines, mut names) = (Vec::<Line>::new(), Vec::<String>::new());
     for (i, run) in of_seeds(runs, grouping, notes) {
-        let (chart, curve) = grouping.names(i);
+        let (chart, name) = grouping.names(i);
         let points = points(run, options)?;
         if points.is_empty() {
             let (y, source) = (options.y.label(), run.source.display());
             notes.push(format!("{source}: {} has no {y}: left out", run.method));
             continue;
         }
-        let known = lines.iter().position(|line| line.0 == chart && line.1 == curve);
-        let at = known.unwrap_or_else(|| {
-            lines.push((chart, curve, BTreeMap::new()));
-            lines.len() - 1
+        let known = lines.iter_mut().find(|line| line.chart == chart && line.name == name);
+        if let Some(line) = known {
+            line.seeds.insert(run.seed, points);
+            continue;
+        }
+        let marker = names.iter().position(|known| *known == name).unwrap_or_else(|| {
+            names.push(name.clone());
+            names.len() - 1
         });
-        lines[at].2.insert(run.seed, points);
+        let seeds = BTreeMap::from([(run.seed, points)]);
+        lines.push(Line { chart, name, colour: colour(marker), marker, seeds });
     }
     if lines.is_empty() {
         let help = "--y success, greedy, error or coverage";
@@ -209,29 +210,29 @@ fn points(run: &SavedRun, options: &Options) -> Result<Points, Report> {
 
 /// Returns the horizontal range: up to where the shortest curve ends or, if each goes on to its own
 /// end, the longest.
-fn range(lines: &Lines, options: &Options, notes: &mut Vec<String>) -> [f64; 2] {
-    let end = |seeds: &BTreeMap<u64, Points>| {
-        let ends = seeds.values().filter_map(|points| Some(points.last()?.0));
+pub fn range(lines: &[Line], options: &Options, notes: &mut Vec<String>) -> [f64; 2] {
+    let end = |line: &Line| {
+        let ends = line.seeds.values().filter_map(|points| Some(points.last()?.0));
         ends.fold(f64::INFINITY, f64::min)
     };
-    let ends = || lines.iter().map(|(chart, curve, seeds)| (end(seeds), chart, curve));
-    let longest = ends().map(|(end, ..)| end).fold(0.0, f64::max);
-    let shortest = ends().min_by(|a, b| a.0.total_cmp(&b.0));
-    match shortest {
-        Some((end, chart, curve)) if end < longest && !options.whole => {
-            let of = if chart.is_empty() { curve.clone() } else { format!("{curve} ({chart})") };
+    let longest = lines.iter().map(end).fold(0.0, f64::max);
+    match lines.iter().min_by(|a, b| end(a).total_cmp(&end(b))) {
+        Some(line) if end(line) < longest && !options.whole => {
+            let Line { chart, name, .. } = line;
+            let of = if chart.is_empty() { name.clone() } else { format!("{name} ({chart})") };
             notes.push(format!(
-                "drawn up to {end:.0} {}, where {of} ends, of {longest:.0}: --whole draws all",
+                "drawn up to {:.0} {}, where {of} ends, of {longest:.0}: --whole draws all",
+                end(line),
                 options.x.name()
             ));
-            [0.0, end]
+            [0.0, end(line)]
         }
         _ => [0.0, longest],
     }
 }
 
 /// Averages over seeds wherever all of them have points on both sides, up to the end of the range.
-pub fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
+fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
     let ends = |of: fn(&Points) -> Option<&(f64, f64)>| {
         seeds.values().filter_map(of).map(|point| point.0).collect::<Vec<_>>()
     };
@@ -264,22 +265,24 @@ fn interpolated(points: &Points, x: f64) -> Option<f64> {
     Some(left + (right - left) * (x - from) / (to - from))
 }
 
-fn rows(
-    table: &mut Vec<Vec<String>>,
-    chart: &str,
-    curve: &str,
-    seeds: &BTreeMap<u64, Points>,
-    means: &[Point],
-) {
-    let mut row = |seed: String, x: f64, y: f64, band: [String; 2]| {
-        let numbers = [x.to_string(), y.to_string()];
-        let texts = [chart.to_owned(), curve.to_owned(), seed];
-        table.push(texts.into_iter().chain(numbers).chain(band).collect());
-    };
-    for (seed, points) in seeds {
-        points.iter().for_each(|(x, y)| row(seed.to_string(), *x, *y, Default::default()));
+/// Returns the table behind charts, whose axes have these names: every seed's values, and the means.
+pub fn table<'a>(
+    lines: impl IntoIterator<Item = &'a Line>,
+    axes: [&str; 2],
+    x: [f64; 2],
+) -> Result<Vec<u8>, Report> {
+    let mut table = Vec::new();
+    for line in lines {
+        let mut row = |seed: String, x: f64, y: f64, band: [String; 2]| {
+            let texts = [line.chart.clone(), line.name.clone(), seed, x.to_string(), y.to_string()];
+            table.push(texts.into_iter().chain(band).collect::<Vec<String>>());
+        };
+        for (seed, points) in &line.seeds {
+            points.iter().for_each(|(x, y)| row(seed.to_string(), *x, *y, Default::default()));
+        }
+        for Point { x, mean, low, high } in mean(&line.seeds, x) {
+            row("mean".to_owned(), x, mean, [low.to_string(), high.to_string()]);
+        }
     }
-    for Point { x, mean, low, high } in means {
-        row("mean".to_owned(), *x, *mean, [low.to_string(), high.to_string()]);
-    }
+    csv_of(&["chart", "curve", "seed", axes[0], axes[1], "low", "high"], table)
 }

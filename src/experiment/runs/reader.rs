@@ -6,19 +6,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use miette::Report;
-
-use super::join::{Dated, join};
+use super::join::{join, whole};
 use super::{SavedRun, file, files_of};
 use crate::host::runs::SAVES;
-use gdg::text::sanitized;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// The runs, with the time at which their files were written.
-    pub runs: Vec<Dated>,
-    /// Files and folders that cannot be read, and why.
-    pub problems: Vec<(PathBuf, String)>,
+    /// The runs, and what cannot be read.
+    pub runs: Vec<Arc<SavedRun>>,
     /// The file being read, of how many; both are the same at the end.
     pub read: [usize; 2],
 }
@@ -26,21 +21,15 @@ pub struct Found {
 /// What distinguishes versions of a file: when it was written, and its size.
 type Stamp = (Option<SystemTime>, u64);
 
-/// What a version of a file contains, or why it cannot be read.
-struct Version {
-    stamp: Stamp,
-    contents: Result<Vec<Arc<SavedRun>>, String>,
-}
-
-/// Reads folders; what has not changed since, only once.
+/// Reads files, and those of folders; what has not changed since, only once.
 pub struct Reader {
-    folders: Vec<PathBuf>,
-    known: HashMap<PathBuf, Version>,
+    places: Vec<PathBuf>,
+    known: HashMap<PathBuf, (Stamp, Vec<Arc<SavedRun>>)>,
 }
 
 impl Reader {
-    pub fn new(folders: &[PathBuf]) -> Self {
-        Self { folders: folders.to_vec(), known: HashMap::new() }
+    pub fn new(places: &[PathBuf]) -> Self {
+        Self { places: places.to_vec(), known: HashMap::new() }
     }
 
     /// Reads what is new. Calls `tell` before each file that is, with how many of all have been
@@ -49,58 +38,53 @@ impl Reader {
         &mut self,
         mut tell: impl FnMut([usize; 2], &dyn Fn() -> Found) -> ControlFlow<()>,
     ) -> Found {
-        let (files, problems) = self.files();
-        let all: Vec<(PathBuf, Stamp)> = files.into_iter().map(with_stamp).collect();
-        let listed: HashSet<&PathBuf> = all.iter().map(|(file, _)| file).collect();
+        let (files, damaged) = self.files();
+        let listed: HashSet<&PathBuf> = files.iter().collect();
         self.known.retain(|path, _| listed.contains(path));
-        for (i, (path, stamp)) in all.iter().enumerate() {
-            if self.known.get(path).is_some_and(|version| version.stamp == *stamp) {
+        for (i, path) in files.iter().enumerate() {
+            let facts = std::fs::metadata(path).ok();
+            let stamp = facts.map_or((None, 0), |facts| (facts.modified().ok(), facts.len()));
+            if self.known.get(path).is_some_and(|(known, _)| *known == stamp) {
                 continue;
             }
-            if tell([i, all.len()], &|| self.found(&all, i + 1, &problems)).is_break() {
+            if tell([i, files.len()], &|| self.found(&files, i + 1, &damaged)).is_break() {
                 break;
             }
             // One that is replaced meanwhile is read again next time.
-            let contents = file(path).map(|runs| runs.into_iter().map(Arc::new).collect());
-            let contents = contents.map_err(|problem| reason(path, &problem));
-            self.known.insert(path.clone(), Version { stamp: *stamp, contents });
+            let runs = file(path).unwrap_or_else(|error| vec![SavedRun::damaged(path, &error)]);
+            let runs = runs.into_iter().map(|run| Arc::new(SavedRun { written: stamp.0, ..run }));
+            self.known.insert(path.clone(), (stamp, runs.collect()));
         }
-        self.found(&all, all.len(), &problems)
+        self.found(&files, files.len(), &damaged)
     }
 
     /// Lists the files with runs, and the folders that cannot be read.
-    fn files(&self) -> (Vec<PathBuf>, Vec<(PathBuf, String)>) {
-        let (mut files, mut problems) = (Vec::new(), Vec::new());
+    fn files(&self) -> (Vec<PathBuf>, Vec<Arc<SavedRun>>) {
+        let (mut files, mut damaged) = (Vec::new(), Vec::new());
         // The usual folder is created by the first run that is saved.
         let is_missing = |folder: &&PathBuf| folder.as_os_str() == SAVES && !folder.exists();
-        let folders = self.folders.iter().filter(|folder| !is_missing(folder));
-        for folder in folders.flat_map(|folder| with_experiments(folder)) {
-            match files_of(&folder) {
-                Ok(found) => files.extend(found),
-                Err(problem) => problems.push((folder.clone(), reason(&folder, &problem))),
+        for place in self.places.iter().filter(|place| !is_missing(place)) {
+            if !place.is_dir() {
+                files.push(place.clone());
+                continue;
+            }
+            for folder in with_experiments(place) {
+                match files_of(&folder) {
+                    Ok(found) => files.extend(found),
+                    Err(error) => damaged.push(Arc::new(SavedRun::damaged(&folder, &error))),
+                }
             }
         }
         // A folder may be named twice, or be an experiment's in another.
         let mut listed = HashSet::new();
-        files.retain(|file| listed.insert(file.clone()));
-        (files, problems)
+        files.retain(|file| listed.insert(whole(file)));
+        (files, damaged)
     }
 
-    fn found(
-        &self,
-        files: &[(PathBuf, Stamp)],
-        read: usize,
-        problems: &[(PathBuf, String)],
-    ) -> Found {
-        let (mut runs, mut problems) = (Vec::new(), problems.to_vec());
-        for (path, (written, _)) in files {
-            match self.known.get(path).map(|version| &version.contents) {
-                Some(Ok(found)) => runs.extend(found.iter().map(|run| (run.clone(), *written))),
-                Some(Err(problem)) => problems.push((path.clone(), problem.clone())),
-                None => {}
-            }
-        }
-        Found { runs: join(runs), problems, read: [read, files.len()] }
+    fn found(&self, files: &[PathBuf], read: usize, damaged: &[Arc<SavedRun>]) -> Found {
+        let known = files.iter().filter_map(|path| self.known.get(path));
+        let runs = known.flat_map(|(_, runs)| runs).chain(damaged).cloned().collect();
+        Found { runs: join(runs), read: [read, files.len()] }
     }
 }
 
@@ -111,21 +95,6 @@ fn with_experiments(folder: &Path) -> Vec<PathBuf> {
     all.sort();
     all.insert(0, folder.to_owned());
     all
-}
-
-fn with_stamp(path: PathBuf) -> (PathBuf, Stamp) {
-    let facts = std::fs::metadata(&path).ok();
-    let stamp = facts.map_or((None, 0), |facts| (facts.modified().ok(), facts.len()));
-    (path, stamp)
-}
-
-/// Returns why a file cannot be read, without its name, but with the line if there is one.
-fn reason(path: &Path, problem: &Report) -> String {
-    let (text, name) = (problem.to_string(), path.display().to_string());
-    let Some(rest) = text.strip_prefix(&name) else { return sanitized(&text) };
-    let rest = rest.trim_start_matches([':', ' ']);
-    let is_line = rest.starts_with(|c: char| c.is_ascii_digit());
-    format!("{}{}", if is_line { "line " } else { "" }, sanitized(rest))
 }
 
 #[cfg(test)]
@@ -154,40 +123,51 @@ mod tests {
         folder
     }
 
-    fn reader(folder: &Path) -> Reader {
-        Reader::new(&[folder.to_owned()])
-    }
-
-    fn read_all(reader: &mut Reader) -> Found {
-        reader.read(|_, _| ControlFlow::Continue(()))
-    }
-
-    /// Returns the updates of each run, and how many files cannot be read and were read.
-    fn read(reader: &mut Reader) -> (Vec<u64>, usize, usize) {
+    /// Reads all; returns what was found, and how many files were read.
+    fn read(reader: &mut Reader) -> (Vec<Arc<SavedRun>>, usize) {
         let mut told = 0;
         let found = reader.read(|_, _| {
             told += 1;
             ControlFlow::Continue(())
         });
-        let updates = found.runs.iter().map(|(run, _)| run.updates).collect();
-        (updates, found.problems.len(), told)
+        (found.runs, told)
+    }
+
+    fn read_all(folder: &Path) -> Vec<Arc<SavedRun>> {
+        read(&mut Reader::new(&[folder.to_owned()])).0
     }
 
     #[test]
     fn only_files_that_have_changed_are_read_again() {
-        let files = [("1.jsonl", &*records(1_000)), ("2.jsonl", "{}\n"), ("notes.txt", "other")];
+        let files = [
+            ("1.jsonl", &*records(1_000)),
+            ("2.jsonl", "{}\n"),
+            ("notes.txt", "other"),
+            ("suite/jobs/b.jsonl", &records(300)),
+            ("other/c.jsonl", START),
+        ];
         let folder = folder_of(&files);
+        let path = |name: &str| folder.path().join(name);
         let mut reader = Reader::new(&[folder.path().to_owned(), folder.path().to_owned()]);
-        assert_eq!(read(&mut reader), (vec![1_000], 1, 2), "the second one is damaged");
-        assert_eq!(read(&mut reader), (vec![1_000], 1, 0), "nothing is new");
+        let mut read = || {
+            let (runs, told) = read(&mut reader);
+            (runs.iter().map(|run| run.updates).collect::<Vec<u64>>(), told)
+        };
+        assert_eq!(read(), (vec![1_000, 0, 300], 3), "the second one is damaged");
+        assert_eq!(read(), (vec![1_000, 0, 300], 0), "nothing is new");
         // Its last line is not complete yet.
-        write(folder.path().join("1.jsonl"), records(2_000) + "{\"eve").expect("a file");
-        assert_eq!(read(&mut reader), (vec![2_000], 1, 1), "it has grown");
-        remove_file(folder.path().join("2.jsonl")).expect("a file");
-        assert_eq!(read(&mut reader), (vec![2_000], 0, 0));
+        write(path("1.jsonl"), records(2_000) + "{\"eve").expect("a file");
+        assert_eq!(read(), (vec![2_000, 0, 300], 1), "it has grown");
+        remove_file(path("2.jsonl")).expect("a file");
         let windows = format!("\u{feff}{}", records(5)).replace('\n', "\r\n");
-        write(folder.path().join("1.jsonl"), windows).expect("a file");
-        assert_eq!(read(&mut reader), (vec![5], 0, 1));
+        write(path("1.jsonl"), windows).expect("a file");
+        assert_eq!(read(), (vec![5, 300], 1));
+        let mut told = Vec::new();
+        Reader::new(&[folder.path().to_owned()]).read(|_, found| {
+            told.push(found().read);
+            ControlFlow::Break(())
+        });
+        assert_eq!(told, [[1, 2]], "it stops");
     }
 
     #[test]
@@ -195,10 +175,11 @@ mod tests {
         let maze = |name: &str| records(1_000).replace("room", name);
         let python = records(1).replace(r#""map":{"name":"room"}"#, r#""gym":{"id":"FetchReach"}"#);
         let text = maze("b") + &maze("c") + &maze("a") + &maze("c") + &python;
-        let folder = folder_of(&[("1.jsonl", &text)]);
-        let found = read_all(&mut reader(folder.path()));
-        let maps: Vec<&str> = found.runs.iter().map(|(run, _)| &*run.map).collect();
-        assert_eq!(maps, ["b", "c", "a", "FetchReach"]);
+        let runs = read_all(folder_of(&[("1.jsonl", &text)]).path());
+        assert_eq!(
+            runs.iter().map(|run| &*run.map).collect::<Vec<_>>(),
+            ["b", "c", "a", "FetchReach"]
+        );
     }
 
     #[test]
@@ -214,21 +195,12 @@ mod tests {
         let resumed = START.replace("\"updates\":0", "\"updates\":5000");
         let again = [(6_000, 0.4), (7_000, 0.5)].map(evaluated).concat();
         let folder = folder_of(&[("1.jsonl", &(START.to_owned() + &first + &resumed + &again))]);
-        let found = read_all(&mut reader(folder.path()));
-        let [(run, _)] = &found.runs[..] else { panic!("{:?}", found.runs) };
-        let curve: Vec<_> =
-            run.evaluations.iter().map(|at| (at.updates, at.evaluation.greedy.success)).collect();
+        let curve: Vec<_> = read_all(folder.path())[0]
+            .evaluations
+            .iter()
+            .map(|at| (at.updates, at.evaluation.greedy.success))
+            .collect();
         assert_eq!(curve, [(3_000, Some(0.1)), (6_000, Some(0.4)), (7_000, Some(0.5))]);
-    }
-
-    #[test]
-    fn experiments_in_a_folder_are_read_but_no_others() {
-        let folder = folder_of(&[
-            ("suite/jobs/a.json", "{}"),
-            ("suite/jobs/b.jsonl", &records(300)),
-            ("other/c.jsonl", START),
-        ]);
-        assert_eq!(read(&mut reader(folder.path())), (vec![300], 1, 2));
     }
 
     #[test]
@@ -247,62 +219,36 @@ mod tests {
         ] {
             let read = |text: String| {
                 write(&file, text).expect("a file");
-                read_all(&mut reader(folder.path()))
+                read_all(folder.path()).remove(0)
             };
             let found = read(line.to_owned() + "\n");
-            assert_eq!(found.problems, [(file.clone(), format!("line 1{problem}"))], "no run");
+            assert_eq!((found.is_damaged(), &found.problem), (true, &Some(format!(":1{problem}"))));
             let found = read(records(1_000) + line + "\n{\"event\":\"progress\",\"updates\":9}\n");
-            assert_eq!(found.problems, [], "the others are read");
-            let run = &found.runs[0].0;
-            assert_eq!((run.updates, run.skipped.to_string()), (9, format!("3{problem}")));
-            let note = format!("{}:3{problem}: left out", file.display());
-            assert_eq!(run.note(), Some(note));
+            assert_eq!(found.updates, 9, "the others are read");
+            assert_eq!(found.note(), Some(format!("{}:3{problem}: left out", file.display())));
         }
         write(&file, "version https://git-lfs.github.com/spec/v1\n").expect("a file");
-        let error = crate::experiment::runs::file(&file).expect_err("no records").to_string();
-        let pointer = "is a Git LFS pointer, which stands for the file, not records of a run";
-        assert!(error.ends_with(pointer), "{error}");
+        let pointer = ": is a Git LFS pointer, which stands for the file, not records of a run";
+        assert_eq!(read_all(folder.path())[0].problem.as_deref(), Some(pointer));
     }
 
     #[test]
     fn a_checkpoint_is_found_from_above_its_records_and_null_in_json_once_it_is_gone() {
+        use std::os::unix::ffi::OsStrExt;
         let saved = r#"{"event":"saved","updates":1,"path":"saves/a.safetensors"}"#;
         let text = format!("{START}{saved}\n");
         let folder = folder_of(&[("saves/a.safetensors", ""), ("records/a.jsonl", &text)]);
-        let found = read_all(&mut reader(&folder.path().join("records")));
-        let (run, path) = (&found.runs[0].0, folder.path().join("saves/a.safetensors"));
+        let run = read_all(&folder.path().join("records")).remove(0);
+        let path = folder.path().join("saves/a.safetensors");
         assert_eq!(run.checkpoint.as_ref(), Some(&path));
-        let line = || serde_json::to_value(run.line(None)).expect("JSON");
-        assert!(line()["checkpoint"].as_str().is_some_and(|name| path.ends_with(name)));
+        assert!(run.json()["checkpoint"].as_str().is_some_and(|name| path.ends_with(name)));
         remove_file(path).expect("a file");
-        assert!(line()["checkpoint"].is_null());
-    }
-
-    #[test]
-    fn a_name_that_is_no_text_is_in_json_all_the_same() {
-        use std::os::unix::ffi::OsStrExt;
-        let folder = folder_of(&[]);
+        assert!(run.json()["checkpoint"].is_null());
+        // Not every file system has names that are no text.
         let name = std::ffi::OsStr::from_bytes(b"a\xff.jsonl");
-        if write(folder.path().join(name), START).is_err() {
-            return; // Not every file system has such names.
+        if write(folder.path().join(name), START).is_ok() {
+            let line = read_all(folder.path())[0].json().to_string();
+            assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
         }
-        let found = read_all(&mut reader(folder.path()));
-        let line = serde_json::to_string(&found.runs[0].0.line(None)).expect("JSON");
-        assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
-    }
-
-    #[test]
-    fn a_folder_that_is_missing_is_named_and_a_reader_can_be_stopped() {
-        let folder = folder_of(&[("a.jsonl", START), ("b.jsonl", START)]);
-        let missing = folder.path().join("none");
-        let found = read_all(&mut reader(&missing));
-        let (path, problem) = &found.problems[0];
-        assert!(*path == missing && problem.starts_with("cannot be read"), "{problem}");
-        let mut told = Vec::new();
-        reader(folder.path()).read(|_, found| {
-            told.push(found().read);
-            ControlFlow::Break(())
-        });
-        assert_eq!(told, [[1, 2]]);
     }
 }

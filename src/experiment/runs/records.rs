@@ -1,7 +1,6 @@
 //! Reads records of runs, one JSON object per line.
 
 use std::collections::HashMap;
-use std::fmt;
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf};
 
@@ -9,7 +8,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{EDITED, HELP, Kind, SavedRun, unreadable, with_preset};
+use super::{EDITED, HELP, SavedRun, State, unreadable, with_preset};
 use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::sanitized;
@@ -23,44 +22,6 @@ const RECORDS: Wanted =
 
 /// Some editors begin files with it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
-    /// They go on, or were cut off.
-    Open,
-    /// A signal has interrupted the run.
-    Interrupted,
-    Finished,
-    /// Its checkpoint has been resumed since, elsewhere.
-    Continued,
-}
-
-/// Lines of records that cannot be read and are left out.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Skipped {
-    pub lines: u64,
-    /// What is wrong with the first one, and its number.
-    first: String,
-}
-
-impl Skipped {
-    fn add(&mut self, other: Self) {
-        if self.lines == 0 {
-            self.first = other.first;
-        }
-        self.lines += other.lines;
-    }
-}
-
-impl fmt::Display for Skipped {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self.lines {
-            0 => Ok(()),
-            1 => f.write_str(&self.first),
-            lines => write!(f, "{}, the first of {lines} lines", self.first),
-        }
-    }
-}
 
 #[derive(Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
@@ -112,37 +73,16 @@ impl SavedRun {
         let settings = settings.chain(data).chain(scenario);
         Self {
             source: source.to_owned(),
-            kind: Kind::Records(Ending::Open),
             map: map.unwrap_or(world),
             fingerprint,
             method,
-            variant: None,
             settings: with_preset(&preset, settings),
             seed,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),
             updates: start.updates,
-            evaluations: Vec::new(),
-            checkpoint: None,
-            others: Vec::new(),
-            skipped: Skipped::default(),
+            ..Self::default()
         }
-    }
-
-    /// Adds the part that it was resumed from.
-    pub fn continue_from(&mut self, mut before: Self) {
-        // It may have been resumed from before that one's end.
-        let from = self.evaluations.first().map(|at| at.updates);
-        let from = from.or((self.begun > 0).then_some(self.begun + 1));
-        before.evaluations.retain(|at| from.is_none_or(|from| at.updates < from));
-        if before.is_edited() {
-            (self.map, self.fingerprint) = (before.map, before.fingerprint);
-        }
-        self.evaluations.splice(0..0, before.evaluations);
-        (self.begun, self.resumed) = (before.begun, before.resumed);
-        self.checkpoint = self.checkpoint.take().or(before.checkpoint);
-        before.skipped.add(std::mem::take(&mut self.skipped));
-        self.skipped = before.skipped;
     }
 
     fn add(&mut self, record: Record) {
@@ -156,9 +96,8 @@ impl SavedRun {
             Record::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
             Record::End { reason, updates } => {
                 let interrupted = reason == "interrupted";
+                self.end = Some(if interrupted { State::Interrupted } else { State::Done });
                 self.updates = updates;
-                self.kind =
-                    Kind::Records(if interrupted { Ending::Interrupted } else { Ending::Finished });
             }
             Record::Start(_) | Record::Other => {}
         }
@@ -178,66 +117,57 @@ fn found_from(records: &Path, path: PathBuf) -> PathBuf {
 pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
     let file = open(path).map_err(|error| unreadable(path, &error))?;
     let mut reader = std::io::BufReader::new(file);
-    let (mut runs, mut line, mut number) = (Vec::<SavedRun>::new(), Vec::new(), 0_u64);
-    let mut skipped = Skipped::default();
-    loop {
+    let (mut runs, mut line, mut problem) = (Vec::<SavedRun>::new(), Vec::new(), None);
+    for number in 1_u64.. {
         line.clear();
         let mut part = reader.by_ref().take(MOST_OF_A_LINE);
         if part.read_until(b'\n', &mut line).map_err(|error| unreadable(path, &error))? == 0 {
             break;
         }
-        number += 1;
         let is_whole = line.ends_with(b"\n");
-        if is_too_long(&line) && !is_whole {
+        let is_too_long = !is_whole && line.len() as u64 >= MOST_OF_A_LINE;
+        if is_too_long {
             reader.skip_until(b'\n').map_err(|error| unreadable(path, &error))?;
         }
-        let text = line.trim_ascii_end();
-        let text =
-            if number == 1 { text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text) } else { text };
-        if text.trim_ascii_start().is_empty() {
-            continue;
+        let mut text = line.trim_ascii_end();
+        if number == 1 {
+            text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
         }
-        let problem = match (serde_json::from_slice(text), runs.last_mut()) {
+        let found = match (serde_json::from_slice(text), runs.last_mut()) {
+            _ if text.is_empty() => continue,
             (Ok(Record::Start(start)), _) => {
                 runs.push(SavedRun::begun(*start, path));
                 continue;
-            }
-            (Ok(Record::Evaluation(_)), None) => {
-                ":1: an evaluation before any start record".to_owned()
             }
             (Ok(record), Some(run)) => {
                 run.add(record);
                 continue;
             }
+            (Ok(Record::Evaluation(_)), None) => ":1: an evaluation before any start record".into(),
             (Ok(_), None) => continue,
+            (Err(_), _) if is_too_long => {
+                format!(": not a record: longer than {} MB", MOST_OF_A_LINE >> 20)
+            }
             // The last line of a run that goes on may be incomplete.
-            (Err(_), Some(_)) if !is_whole && !is_too_long(&line) => break,
+            (Err(_), Some(_)) if !is_whole => break,
             (Err(error), _) => not_a_record(text, &error),
         };
-        let one = Skipped { lines: 1, first: format!("{number}{problem}") };
-        runs.last_mut().map_or(&mut skipped, |run| &mut run.skipped).add(one);
+        let own = runs.last_mut().map_or(&mut problem, |run| &mut run.problem);
+        own.get_or_insert(format!(":{number}{found}"));
     }
     let Some(run) = runs.first_mut() else {
         if let Some(Mismatch { problem, help }) = RECORDS.mismatch(path) {
             return Err(miette!(help = help, "{}: {problem}", path.display()));
         }
-        let problem = if skipped.lines == 0 { " no records".to_owned() } else { skipped.first };
-        return Err(miette!(help = HELP, "{}:{problem}", path.display()));
+        let problem = problem.unwrap_or(": no records".to_owned());
+        return Err(miette!(help = HELP, "{}{problem}", path.display()));
     };
-    skipped.add(std::mem::take(&mut run.skipped));
-    run.skipped = skipped;
+    run.problem = problem.or(run.problem.take());
     Ok(merged(runs))
-}
-
-fn is_too_long(line: &[u8]) -> bool {
-    line.len() as u64 >= MOST_OF_A_LINE
 }
 
 /// Says what is wrong with a line, after its number.
 fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
-    if is_too_long(line) {
-        return format!(": not a record: longer than {} MB", MOST_OF_A_LINE >> 20);
-    }
     match serde_json::from_slice::<Value>(line) {
         Ok(Value::Object(fields)) if fields.contains_key("event") => {
             let error = sanitized(&error.to_string());

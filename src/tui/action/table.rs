@@ -320,11 +320,11 @@ const VIEW: &[Binding] = &[
     watch(A::Back, "back-in-time", &["["], |s, _| time::step_through_film(s, false))
         .help("go back in time: what was learned by then")
         .also("past history film rewind earlier previous before go time travel scrub movie replay")
-        .own(Comparison::step_through_films),
+        .each(),
     watch(A::Forth, "forth-in-time", &["]"], |s, _| time::step_through_film(s, true))
         .help("go forward in time, up to the present")
         .also("future now present film forward later next time travel movie replay")
-        .own(Comparison::step_through_films),
+        .each(),
     watch_scene(A::Projection, "projection", &["shift-p"])
         .help("choose the next projection")
         .short("projection")
@@ -447,7 +447,7 @@ const FILES: &[Binding] = &[
     })
     .help("export map or curves")
     .also("screenshot picture image png svg csv figure capture print data")
-    .own(Comparison::pick_export),
+    .alone("open a run by itself to export it"),
 ];
 
 const PROGRAM: &[Binding] = &[
@@ -520,10 +520,6 @@ const COMPARISON: &[Binding] = &[
     beside(A::NextLarger, "next-larger", &["tab"], Comparison::next_larger)
         .help("left or right side larger, or both equal")
         .short("size"),
-    beside(A::Larger(0), "left-larger", &["1"], Comparison::make_larger)
-        .help("left side larger, or both equal"),
-    beside(A::Larger(1), "right-larger", &["2"], Comparison::make_larger)
-        .help("right side larger, or both equal"),
 ];
 
 /// A row for an action that only comparisons have.
@@ -550,9 +546,6 @@ const RUNS: &[Binding] = &[
     on_runs(ListAction::Compare, "compare-runs", &["c"]).short("compare").help(
         "show side by side what two marked runs, or a marked and the selected one, have learned",
     ),
-    on_runs(ListAction::Plot, "plot-runs", &["p"])
-        .short("plot")
-        .help("draw the marked runs as gdg-tui plot does: SVG and PDF, and the table behind them"),
     on_runs(ListAction::Measure, "runs-curves", &["v"])
         .short("curves")
         .help("curves of success, success without plans, error of D, or what was explored"),

@@ -5,21 +5,12 @@ use std::sync::Arc;
 use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::layout::Position;
 
-use super::{Comparison, LETTERS, draw, prepare};
+use super::{Comparison, LETTERS, prepare};
 use crate::tui::action::{Action, Both, Mode, binding_of};
 use crate::tui::dialog::{Choice, Dialog, Help};
-use crate::tui::export::{ExportError, in_full_colour, on_paper, picture, write_as};
 use crate::tui::lists;
-use crate::tui::output::ExportKind;
-use crate::tui::scene::Cache;
-use crate::tui::scene::maze::NOUN;
 use crate::tui::session::{Session, time, view};
-use crate::tui::theme::Theme;
-use gdg::train::FilmFrame;
 use gdg::viewer::Field;
-
-/// The frames of a side's film, with their places along the axis.
-type Frames = Vec<(f64, Arc<FilmFrame>)>;
 
 impl Comparison {
     /// Performs an action, or says why comparisons do not have it.
@@ -45,10 +36,9 @@ impl Comparison {
         match choice {
             Some(Choice::Act(action)) => self.act(*action),
             Some(Choice::Field(field)) => {
-                self.return_to_present();
+                self.sessions.iter_mut().for_each(|session| time::leave_past(session));
                 self.show_field(*field);
             }
-            Some(Choice::Export(kind)) => self.export(*kind),
             // Other dialogs are the first side's.
             Some(choice) => self.sessions[0].choose(choice.clone()),
             None => {}
@@ -100,12 +90,6 @@ impl Comparison {
         self.notify(&format!("at the goal both @ will {}", self.race.on_arrival.name()));
     }
 
-    pub fn make_larger(&mut self, action: Action) {
-        if let Action::Larger(side) = action {
-            self.larger = Some(side).filter(|side| self.larger != Some(*side));
-        }
-    }
-
     pub fn next_larger(&mut self, _: Action) {
         self.larger = match self.larger {
             None => Some(0),
@@ -114,7 +98,7 @@ impl Comparison {
     }
 
     pub fn open_help(&mut self, _: Action) {
-        let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_ref()));
+        let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_deref()));
         let help = Help::of_comparison(prepare::introduction(about));
         self.sessions[0].open(Dialog::Help(help));
     }
@@ -129,13 +113,7 @@ impl Comparison {
     }
 
     pub fn close_top(&mut self, action: Action) {
-        if self.is_editing() {
-            self.edit(action);
-        } else if self.is_past() {
-            self.return_to_present();
-        } else {
-            self.both(action);
-        }
+        if self.is_editing() { self.edit(action) } else { self.both(action) }
     }
 
     /// Quits; asks first if the map has been drawn and is in no file.
@@ -195,7 +173,7 @@ impl Comparison {
         let own = self.editor_at;
         let maze = self.maze(own);
         let (map, editor) = (maze.map.clone(), maze.editor.shown());
-        let is_edited = *self.race.map() != map;
+        let is_edited = self.race.map != map;
         self.lags |= is_edited;
         let lags = self.lags;
         let other = &mut self.sessions[1 - own];
@@ -253,111 +231,5 @@ impl Comparison {
             maze.viewport = viewport;
             maze.hover(hovered, link);
         });
-    }
-}
-
-/// Looking back at what both had learned, at the same place along the axis of the curves.
-impl Comparison {
-    pub(super) fn shown_updates(&self, side: usize) -> u64 {
-        let screen = &self.sessions[side].screen;
-        let past = screen.past.as_ref();
-        past.map_or(screen.snapshot.updates(), |frame| screen.snapshot.learned(frame.updates))
-    }
-
-    pub(super) fn is_past(&self) -> bool {
-        self.sessions.iter().any(|session| session.screen.past.is_some())
-    }
-
-    pub(super) fn along(&self, side: usize, updates: u64) -> f64 {
-        self.sides[side].pace.at(updates as f64).along(self.axis)
-    }
-
-    pub(super) fn past_at(&self, side: usize) -> Option<f64> {
-        let frame = self.sessions[side].screen.past.as_ref()?;
-        Some(self.along(side, frame.updates))
-    }
-
-    fn frames(&self, side: usize) -> Frames {
-        let film = self.sessions[side].screen.snapshot.film.iter();
-        film.map(|frame| (self.along(side, frame.updates), frame.clone())).collect()
-    }
-
-    /// Goes back to the frame before the moment shown, or forth to the one after it, of the film
-    /// that reaches farther along the axis; after its last one, to the present.
-    pub fn step_through_films(&mut self, action: Action) {
-        let forth = action == Action::Forth;
-        let last = |side: usize| self.frames(side).last().map(|(at, _)| *at);
-        let longer = usize::from(last(1) > last(0));
-        let (frames, shown) = (self.frames(longer), self.past_at(longer));
-        if frames.is_empty() {
-            return self.notify("no film yet: it begins with the next picture");
-        }
-        let next = match shown {
-            None if forth => return self.notify("this is the present"),
-            Some(shown) if forth => frames.iter().find(|(at, _)| *at > shown),
-            shown => {
-                let before = |at: f64| shown.is_none_or(|shown| at < shown);
-                let found = frames.iter().rfind(|(at, _)| before(*at));
-                if found.is_none() {
-                    return self.notify("this is the first picture of the films");
-                }
-                found
-            }
-        };
-        match next {
-            Some((at, _)) => self.look_at(*at),
-            None => self.return_to_present(),
-        }
-    }
-
-    /// Shows on each side the frame nearest to a place along the axis.
-    pub fn look_at(&mut self, at: f64) {
-        let off = |frame: &(f64, Arc<FilmFrame>)| (frame.0 - at).abs();
-        for side in 0..LETTERS.len() {
-            let frames = self.frames(side).into_iter();
-            let nearest = frames.min_by(|a, b| off(a).total_cmp(&off(b)));
-            time::look_at(&mut self.sessions[side], nearest.map(|(_, frame)| frame));
-        }
-    }
-
-    fn return_to_present(&mut self) {
-        self.sessions.iter_mut().for_each(|session| time::look_at(session, None));
-    }
-}
-
-/// Pictures in files.
-impl Comparison {
-    pub fn pick_export(&mut self, _: Action) {
-        let list = lists::exports(&ExportKind::PICTURES, &format!("both {NOUN}s"));
-        self.sessions[0].open(list);
-    }
-
-    /// Writes a picture of both maps to a new file, and says where.
-    fn export(&mut self, kind: ExportKind) {
-        let [a, b] = self.sessions.each_ref().map(|session| session.screen.run().method.name());
-        let name = format!("{}-{a}-{b}-{}", self.maze(0).map.name(), self.shown_updates(0));
-        match write_as(&name, kind, "maps", self.contents(kind)) {
-            Ok(notice) => self.log.show(&notice, false),
-            Err(problem) => self.log.show(&problem, true),
-        }
-    }
-
-    /// Returns a picture of both maps in characters, in full colour even on a terminal that has fewer
-    /// colours.
-    pub fn contents(&mut self, kind: ExportKind) -> Result<Vec<u8>, ExportError> {
-        self.sessions.iter_mut().for_each(|session| session.screen.on_paper = true);
-        let drawn = in_full_colour(self, Self::themes, |own| {
-            let mut caches = [Cache::default(), Cache::default()];
-            on_paper(own.layout.screen, |frame| {
-                draw::draw_parts(frame, own, caches.each_mut()).maps
-            })
-        });
-        self.sessions.iter_mut().for_each(|session| session.screen.on_paper = false);
-        let (drawn, maps) = drawn?;
-        picture(kind, &drawn, maps, &self.sessions[0].screen.theme.in_full_colour())
-    }
-
-    fn themes(&mut self) -> [&mut Theme; 2] {
-        self.sessions.each_mut().map(|session| &mut session.cx.screen.theme)
     }
 }

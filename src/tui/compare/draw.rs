@@ -5,8 +5,9 @@
 //! | map, seed, phase                                  |  header
 //! | A method, preset        | B method, preset        |
 //! | what D and preset are   | what D and preset are   |  unless they are obvious
-//! | map          facts      | map          facts      |  facts: below if the map gains
+//! | map                     | map                     |
 //! | meaning of colours      | meaning of colours      |
+//! | facts                   | facts                   |
 //! | success over environment steps                    |  curves
 //! | keys, or a notice                                 |  footer
 //! +---------------------------------------------------+
@@ -14,73 +15,41 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::Style;
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::{Comparison, Side, curves, maze_of};
+use super::{Comparison, LETTERS, maze_of};
 use crate::tui::action::{Action, Mode};
 use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
-use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{finish_frame, footer, too_small};
-use crate::tui::scene::{Cache, maze};
+use crate::tui::render::chart::{self, Curve};
+use crate::tui::render::{curves, finish_frame, footer, too_small};
+use crate::tui::scene::maze;
 use crate::tui::session::{Cx, Session};
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{fitted_lines, short};
+use crate::tui::text::short;
+use crate::tui::theme::{ColourDepth, blend};
 use gdg::engine::Phase;
-use gdg::text::{display_width, fitted, grouped};
+use gdg::text::{fitted, grouped};
+use gdg::train::Evaluation;
 
 /// The smallest screen with room for everything, in columns and rows.
 pub const MIN_SIZE: (u16, u16) = (60, 18);
-
-/// Columns of the facts beside a map.
-const FACTS_WIDTH: u16 = 19;
 
 /// Rows of the curves: a share of the screen's, within limits.
 const CURVES_DIVISOR: u16 = 4;
 const CURVES_ROWS: (u16, u16) = (7, 16);
 
-/// Shares of the width: of the larger side, and of the other one.
-const LARGER: (u16, u16) = (2, 1);
-
-/// Where everything is.
-pub struct Parts {
-    pub layout: ScreenLayout,
-    /// Both maps, with facts and titles.
-    pub maps: Rect,
-    /// The sides, unless the screen is too small.
-    sides: Option<[ScreenLayout; 2]>,
-}
-
 /// Draws everything; returns what can be clicked.
 pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
-    let mut caches = comparison.sessions.each_mut().map(|own| std::mem::take(&mut own.cache));
-    let Parts { layout, sides, .. } = draw_parts(frame, comparison, caches.each_mut());
-    for (session, cache) in comparison.sessions.iter_mut().zip(caches) {
-        session.cache = cache;
-    }
-    let Some(mut drawn) = sides else { return layout };
-    let Cx { screen, scene, .. } = &comparison.sessions[0].cx;
-    draw_dialog(frame, screen, scene, &mut drawn[0]);
-    finish_frame(frame, &screen.theme);
-    // The same lines on both sides, from the next frame on.
-    let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
-    for (session, drawn) in comparison.sessions.iter_mut().zip(drawn) {
-        session.screen.least_contour_interval = interval;
-        session.drawn(drawn);
-    }
-    layout
-}
-
-/// Draws everything but dialogs.
-pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cache; 2]) -> Parts {
     let area = frame.area();
     let mut layout = ScreenLayout::new(area);
     if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
         too_small(frame, "a comparison", MIN_SIZE);
-        return Parts { layout, maps: Rect::default(), sides: None };
+        return layout;
     }
     let rows = (area.height / CURVES_DIVISOR).clamp(CURVES_ROWS.0, CURVES_ROWS.1);
     let [head, body, below, foot] = Layout::vertical([
@@ -91,41 +60,50 @@ pub fn draw_parts(frame: &mut Frame, comparison: &Comparison, caches: [&mut Cach
     ])
     .areas(area);
     header(frame, head, comparison, &mut layout);
-    let share = |side: usize| match comparison.larger {
-        Some(larger) if larger == side => Constraint::Fill(LARGER.0),
-        Some(_) => Constraint::Fill(LARGER.1),
-        None => Constraint::Fill(1),
-    };
-    // Equally large sides show their maps in the same size.
+    // The larger side is twice as wide; others show their maps in the same size.
+    let share = |side| Constraint::Fill(if comparison.larger == Some(side) { 2 } else { 1 });
     let gap = 1 + u16::from(comparison.larger.is_none() && body.width.is_multiple_of(2));
     let [left, line, right] =
         Layout::horizontal([share(0), Constraint::Length(gap), share(1)]).areas(body);
     frame.render_widget(Block::new().borders(Borders::LEFT), line);
     let areas = [left, right];
-    let facts = [0, 1].map(|own| {
-        let (arrived, races) = comparison.race.results(own);
-        facts(&comparison.sessions[own], arrived, races)
-    });
-    let texts = [0, 1].map(|own| text(&facts[own], areas[own].width));
-    let most = texts.iter().map(Vec::len).max().unwrap_or(0);
+    let facts = [0, 1].map(|own| facts(comparison, own, areas[own].width));
+    let most = facts.iter().map(Vec::len).max().unwrap_or(0);
     let explains = comparison.sides.iter().any(|side| side.about.is_some());
     let mut drawn = [ScreenLayout::new(area), ScreenLayout::new(area)];
-    for (own, cache) in caches.into_iter().enumerate() {
-        let title = Rect { height: 1, ..areas[own] };
-        layout.add(title, Click::Act(Action::Larger(own)));
+    for (own, facts) in facts.into_iter().enumerate() {
+        let [title, about, map, meaning, below] = Layout::vertical([
+            Constraint::Length(1),
+            Constraint::Length(u16::from(explains)),
+            Constraint::Min(0),
+            Constraint::Length(1),
+            Constraint::Length(most as u16),
+        ])
+        .areas(areas[own]);
+        layout.add(title, Click::Act(Action::NextLarger));
         draw_title(frame, title, comparison, own);
-        let rest = Rect { y: title.y + 1, height: areas[own].height - 1, ..areas[own] };
-        let [about, rest] =
-            Layout::vertical([Constraint::Length(u16::from(explains)), Constraint::Min(0)])
-                .areas(rest);
-        draw_about(frame, about, &comparison.sides[own]);
-        let rows = if comparison.larger.is_none() { most } else { texts[own].len() };
-        let shown = (&*facts[own], rows as u16);
-        draw_side(frame, rest, &comparison.sessions[own], shown, cache, &mut drawn[own]);
+        let text = comparison.sides[own].about.as_deref().unwrap_or_default();
+        let text = fitted(&format!(" {text}"), usize::from(about.width));
+        frame.render_widget(Span::styled(text, DIM), about);
+        drawn[own].map_pane = map;
+        let Session { cx: Cx { screen, scene, .. }, cache, .. } = &mut comparison.sessions[own];
+        if let Some(maze) = scene.maze() {
+            maze::draw(frame, [map, meaning], maze, screen, &mut drawn[own], cache);
+        }
+        frame.render_widget(Paragraph::new(facts), below);
     }
-    curves::draw(frame, below, comparison, &mut layout);
+    draw_curves(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
-    Parts { layout, maps: body, sides: Some(drawn) }
+    let Cx { screen, scene, .. } = &comparison.sessions[0].cx;
+    draw_dialog(frame, screen, scene, &mut drawn[0]);
+    finish_frame(frame, &screen.theme);
+    // The same lines on both sides, from the next frame on.
+    let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
+    for (session, drawn) in comparison.sessions.iter_mut().zip(drawn) {
+        session.screen.least_contour_interval = interval;
+        session.drawn(drawn);
+    }
+    layout
 }
 
 fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
@@ -145,20 +123,16 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
         scene.phase(screen)
     };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
-    let more = if comparison.is_past() {
-        let [back, forth, close] =
-            [Action::Back, Action::Forth, Action::Close].map(|action| screen.keymap.key_of(action));
-        [
-            format!(" looking back: {back} earlier, {forth} later, {close} the present"),
-            format!(" looking back: {back} {forth} {close}"),
-        ]
+    let is_past = comparison.sessions.iter().any(|session| session.screen.past.is_some());
+    let key = |action| screen.keymap.key_of(action);
+    let text = if is_past {
+        let [back, forth, close] = [Action::Back, Action::Forth, Action::Close].map(key);
+        format!(" looking back: {back} {forth} {close}")
     } else {
-        [" nothing is saved", ""].map(str::to_owned)
+        " nothing is saved".to_owned()
     };
     let room = usize::from(area.width).saturating_sub(bar.width());
-    let [long, short] = more;
-    let text = if display_width(&long) <= room { long } else { short };
-    bar.push(Span::styled(text, DIM), None);
+    bar.push(Span::styled(fitted(&text, room), DIM), None);
     bar.draw(frame, area, layout);
 }
 
@@ -171,59 +145,19 @@ fn training_side(comparison: &Comparison) -> &Session {
 /// Draws the title of a side: what it is, and whether it has stopped or shows its past.
 fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize) {
     let (title, screen) = (&comparison.sides[own].title, &comparison.sessions[own].screen);
-    let shown = grouped(comparison.shown_updates(own));
     let state = match (&screen.snapshot.phase, &screen.past) {
         (Phase::Failed(error), _) => format!("stopped: {error} "),
-        (_, Some(past)) if screen.snapshot.is_edited_since(past.updates) => {
-            format!("at update {shown}, walls of today ")
+        (_, Some(past)) => {
+            let is_edited = screen.snapshot.is_edited_since(past.updates);
+            let walls = if is_edited { ", walls of today" } else { "" };
+            format!("at update {}{walls} ", grouped(screen.snapshot.learned(past.updates)))
         }
-        (_, Some(_)) => format!("at update {shown} "),
         (Phase::Paused, _) => "paused ".to_owned(),
         _ => String::new(),
     };
     let title = fitted(format!(" {title} {state}").trim_end(), usize::from(area.width));
     let title = Span::styled(format!("{title} "), BOLD);
     frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
-}
-
-/// Draws what the colours and the preset of a side mean, as long as there is room for.
-fn draw_about(frame: &mut Frame, area: Rect, side: &Side) {
-    let Some(texts) = &side.about else { return };
-    let room = usize::from(area.width).saturating_sub(1);
-    let text = texts.iter().find(|text| display_width(text) <= room).unwrap_or(&texts[1]);
-    frame.render_widget(Span::styled(format!(" {}", fitted(text, room)), DIM), area);
-}
-
-/// Draws the map of a side, with its facts beside the map or in as many rows below it, and records
-/// where it is.
-fn draw_side(
-    frame: &mut Frame,
-    area: Rect,
-    session: &Session,
-    (facts, rows): (&[Fact], u16),
-    cache: &mut Cache,
-    layout: &mut ScreenLayout,
-) {
-    let Cx { screen, scene, .. } = &session.cx;
-    let [inner, meaning] =
-        Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
-    let beside =
-        Layout::horizontal([Constraint::Min(0), Constraint::Length(FACTS_WIDTH)]).areas(inner);
-    let below = Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(inner);
-    // The map as large as possible.
-    let Some(maze) = scene.maze() else { return };
-    let scale = |[room, _]: [Rect; 2]| {
-        let frame = MapFrame::fit(room, &maze.map, screen.marker, Viewport::default());
-        frame.map_or(0.0, |frame| frame.scale())
-    };
-    let ([room, known], lines) = if scale(beside) >= scale(below) {
-        (beside, column(facts))
-    } else {
-        (below, text(facts, inner.width))
-    };
-    layout.map_pane = room;
-    maze::draw(frame, [room, meaning], maze, screen, layout, cache);
-    frame.render_widget(Paragraph::new(fitted_lines(lines, known.width)), known);
 }
 
 /// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,
@@ -243,115 +177,143 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     }
 }
 
-/// Columns of the names in a column of facts.
-const NAME_WIDTH: usize = 12;
-
-/// A name and a value.
-struct Fact {
-    name: &'static str,
-    value: String,
-    style: Style,
-    place: Place,
-}
-
-/// Facts that begin a new line of text, so that those of both sides line up.
-const FIRST: [&str; 2] = ["success", "D error"];
-
-/// How a fact follows the others in text.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
-    Own,
-    /// In brackets, as it explains the fact before it.
-    Aside,
-    /// The same without its name.
-    NamelessAside,
-}
-
-impl Fact {
-    fn new(name: &'static str, value: String) -> Self {
-        Self { name, value, style: Style::new(), place: Place::Own }
-    }
-}
-
-/// Returns the facts about a side, the most important first; its agent has finished
-/// `arrived` of `races` races at the goal.
-fn facts(session: &Session, arrived: u32, races: u32) -> Vec<Fact> {
+/// Returns the facts about a side, the most important first, in lines of at most `width` columns.
+fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
+    let session = &comparison.sessions[own];
     let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.walk);
-    let mut facts = vec![
-        Fact::new("steps", short(snapshot.counters.env_steps as f64)),
-        Fact::new("updates", short(snapshot.counters.updates as f64)),
-        Fact {
-            place: Place::NamelessAside,
-            ..Fact::new("rate", format!("{}/s", short(snapshot.rates.0)))
-        },
-    ];
-    let success = session.screen.success();
-    let rate = |rate: f64| format!("{rate:.2}");
-    let value = success
-        .map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
-    facts.push(Fact { style: BOLD, ..Fact::new("success", value) });
+    let (success, latest) = (session.screen.success(), snapshot.evaluations.last());
     let unknown = || "-".to_owned();
+    let rate = |rate: f64| format!("{rate:.2}");
+    let plans = session.screen.run().method.plans();
     // Unknown values are shown too, so that what follows does not move.
-    if session.screen.run().method.plans() {
-        let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
-        facts.push(Fact { place: Place::Aside, ..Fact::new("greedy", greedy) });
-    }
-    facts.push(Fact::new("races", format!("{arrived}/{races}")));
-    let latest = snapshot.evaluations.last();
+    let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
+    let planned = success
+        .map_or_else(unknown, |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
     let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
-    facts.push(Fact::new(
-        "D error",
-        error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape)),
-    ));
-    let updates = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
-    facts.push(Fact { place: Place::Aside, ..Fact::new("at update", updates) });
+    let error = error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape));
+    let at = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
     let state = match walk {
         walk if walk.arrived => "arrived in",
         walk if walk.gave_up => "gave up at",
         _ => "walking",
     };
-    facts.push(Fact::new(state, walk.steps.to_string()));
-    facts.extend(
-        walk.shortest
-            .map(|steps| Fact { place: Place::Aside, ..Fact::new("shortest", steps.to_string()) }),
-    );
-    facts
-}
-
-fn column(facts: &[Fact]) -> Vec<Line<'static>> {
-    let line = |fact: &Fact| {
-        let name = format!(" {:<NAME_WIDTH$}", fact.name);
-        Line::from(vec![Span::styled(name, DIM), Span::styled(fact.value.clone(), fact.style)])
+    let shortest = walk.shortest.map_or(String::new(), |steps| format!(" (shortest {steps})"));
+    let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
+    let counters = snapshot.counters;
+    let facts = [
+        ("steps", short(counters.env_steps as f64), String::new()),
+        ("updates", short(counters.updates as f64), format!(" ({}/s)", short(snapshot.rates.0))),
+        ("success", planned, if plans { format!(" (greedy {greedy})") } else { String::new() }),
+        ("races", format!("{arrived}/{races}"), String::new()),
+        ("D error", error, format!(" (at update {at})")),
+        (state, walk.steps.to_string(), shortest),
+    ];
+    let fact = |(name, value, aside): &(&str, String, String)| {
+        let value =
+            Span::styled(value.clone(), if *name == "success" { BOLD } else { Style::new() });
+        let name = Span::styled(format!(" {name} "), DIM);
+        Line::from(vec![name, value, Span::styled(aside.clone(), DIM)])
     };
-    facts.iter().map(line).collect()
-}
-
-/// Returns the facts one after the other, in lines of at most `width` columns.
-fn text(facts: &[Fact], width: u16) -> Vec<Line<'static>> {
-    let mut lines: Vec<Line> = vec![Line::default()];
-    // A fact and what explains it stay together.
-    for group in facts.chunk_by(|_, next| next.place != Place::Own) {
-        let mut parts = Line::default();
-        for fact in group {
-            let (name, value) = match fact.place {
-                Place::Own => (format!(" {} ", fact.name), fact.value.clone()),
-                Place::Aside => (format!(" ({} ", fact.name), format!("{})", fact.value)),
-                Place::NamelessAside => (" ".to_owned(), format!("({})", fact.value)),
-            };
-            parts.push_span(Span::styled(name, DIM));
-            parts.push_span(Span::styled(value, fact.style));
-        }
-        let has_room = |line: &&mut Line| {
-            let is_first = FIRST.contains(&group[0].name);
-            line.spans.is_empty()
-                || !is_first && line.width() + 1 + parts.width() <= usize::from(width)
-        };
-        match lines.last_mut().filter(has_room) {
-            Some(line) if line.spans.is_empty() => *line = parts,
-            // A wider gap between facts than within one.
-            Some(line) => line.spans.extend(std::iter::once(Span::raw(" ")).chain(parts.spans)),
-            None => lines.push(parts),
+    // Two a line, so that those of both sides line up.
+    let mut lines: Vec<Line> = Vec::new();
+    for pair in facts.chunks(2) {
+        let [mut first, second] = [&pair[0], &pair[1]].map(fact);
+        if first.width() + 1 + second.width() <= usize::from(width) {
+            first.spans.extend([Span::raw(" ")].into_iter().chain(second.spans));
+            lines.push(first);
+        } else {
+            lines.extend([first, second]);
         }
     }
     lines
+}
+
+/// How far the colour of the actor alone is from its method's to the page's.
+const FAINT: f32 = 0.5;
+
+/// Returns the curves of a side: its success, and that of the actor alone if the method plans.
+fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
+    let screen = &comparison.sessions[own].screen;
+    let (run, mono) = (screen.run(), screen.theme.depth == ColourDepth::Mono);
+    let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
+        let evaluations = screen.snapshot.evaluations.iter();
+        let point =
+            |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), value(e)?));
+        evaluations.filter_map(point).collect()
+    };
+    // Without colours, other characters tell the sides apart: the second one is dotted.
+    let marker = if mono && own == 1 { Marker::Custom('\u{2022}') } else { Marker::Braille };
+    let style = if mono { Style::new() } else { curves::colour(&screen.theme, own) };
+    // Not every terminal draws colours faintly by itself.
+    let page = screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
+    let fainter = match style.fg {
+        Some(Color::Rgb(r, g, b)) => style.fg(screen.theme.colour(blend((r, g, b), page, FAINT))),
+        _ => style,
+    };
+    let name = format!("{} {}", LETTERS[own], run.method.name());
+    let faint = fainter.add_modifier(Modifier::DIM);
+    let actor = Curve {
+        name: "greedy".to_owned(),
+        style: faint,
+        marker,
+        points: points(&|e| e.greedy.success),
+    };
+    if run.method.plans() {
+        let planned = points(&|e| e.planned.as_ref()?.success);
+        vec![Curve { name, style: style.patch(BOLD), marker, points: planned }, actor]
+    } else {
+        vec![Curve { name, style: style.patch(BOLD), ..actor }]
+    }
+}
+
+/// Returns where the map was edited, which is the same map for both.
+fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
+    let of = |own: usize| {
+        let edits = comparison.sessions[own].screen.snapshot.edits.iter();
+        edits.map(move |at| comparison.along(own, *at))
+    };
+    let mut edits: Vec<f64> = (0..2).flat_map(of).collect();
+    edits.sort_by(f64::total_cmp);
+    curves::apart(edits.into_iter(), window)
+}
+
+/// Draws both success curves in one chart, over how far training had come; a click on its title
+/// changes the axis. Upright lines mark the moments of the past that are shown.
+fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
+    let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
+    let now =
+        |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
+    let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
+    let edits = edits(comparison, [0.0, last]);
+    let edited = Span::styled(format!("  {} {}", curves::MARK, curves::EDITED), DIM);
+    let names = all.iter().map(|curve| {
+        Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
+    });
+    let names = names.chain(Some(edited).filter(|_| !edits.is_empty()));
+    let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
+    let lines = chart::heading(&title, names, area.width);
+    let [head, body] =
+        Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    layout.add(head, Click::Act(Action::Axis));
+    frame.render_widget(Paragraph::new(lines), head);
+    if all.iter().all(|curve| curve.points.is_empty()) {
+        frame.render_widget(Paragraph::new(" not evaluated yet").style(DIM), body);
+        return;
+    }
+    // The faint curves first, so that they do not hide the others.
+    let (faint, strong): (Vec<&Curve>, Vec<&Curve>) =
+        all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
+    let lines = faint.into_iter().chain(strong).map(Curve::line);
+    let past = [0, 1].map(|own| {
+        let frame = comparison.sessions[own].screen.past.as_ref()?;
+        Some(comparison.along(own, frame.updates))
+    });
+    let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
+    let edits: Vec<_> = edits.into_iter().map(|at| [(at, 0.0), (at, 1.0)]).collect();
+    let upright = |style, points| chart::Line { style, marker: Marker::Braille, points };
+    let lines = edits.iter().map(|points| upright(DIM, &points[..])).chain(lines);
+    let uprights = moments.iter().map(|points| upright(BOLD, &points[..]));
+    let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
+    let axes = chart::Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
+    chart::draw(frame, body, axes, lines.chain(uprights));
 }

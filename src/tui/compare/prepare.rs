@@ -59,12 +59,6 @@ pub struct Contestants {
     pub warnings: Vec<String>,
 }
 
-/// A side before it is prepared: a method, or a saved run with its map.
-enum Side<'a> {
-    Method(&'a Method),
-    Saved(&'a Path, Box<Trainer>, Arc<Grid>),
-}
-
 /// Prepares both runs: same map, same seed, each as the trainer would prepare it; or loads them.
 /// Says how far it is to `progress`.
 ///
@@ -79,28 +73,33 @@ pub fn prepare(
     check(options)?;
     let load = |own: usize| {
         progress.begin(own, LETTERS.len());
-        load(&options.contenders[own], options, registry)
+        let path = options.contenders[own].checkpoint();
+        path.map(|path| load(path, options, registry)).transpose()
     };
-    let sides = [load(0)?, load(1)?];
-    if let [Side::Saved(.., a), Side::Saved(.., b)] = &sides {
+    let saved = [load(0)?, load(1)?];
+    if let [Some((_, a)), Some((_, b))] = &saved {
         check_same(a, b)?;
     }
-    let beginning = sides.iter().find_map(|side| match side {
-        Side::Method(_) => None,
-        Side::Saved(_, trainer, map) => Some((map.clone(), trainer.run().seed)),
-    });
-    let [a, b] = sides;
-    let begin = |side, letter: char| match side {
-        Side::Method(method) => begin(method, letter, beginning.as_ref(), options, registry),
-        Side::Saved(path, trainer, _) => {
-            let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
-            let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
-            let title =
-                format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
-            Ok(Contestant { trainer: *trainer, title, is_paused: true })
+    let found = saved.iter().flatten().next();
+    let beside = found.map(|(trainer, map)| (map.clone(), trainer.run().seed));
+    let contestant = |own: usize, saved: Option<(Trainer, Arc<Grid>)>| {
+        let letter = LETTERS[own];
+        match (&options.contenders[own], saved) {
+            (Contender::Checkpoint(path), Some((trainer, _))) => {
+                let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
+                let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
+                let title =
+                    format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
+                Ok(Contestant { trainer, title, is_paused: true })
+            }
+            (contender, _) => {
+                let method = contender.method().unwrap_or_default();
+                begin(&method, letter, beside.as_ref(), options, registry)
+            }
         }
     };
-    let both = [begin(a, LETTERS[0])?, begin(b, LETTERS[1])?];
+    let [a, b] = saved;
+    let both = [contestant(0, a)?, contestant(1, b)?];
     let maze = PointMaze::downcast_ref(both[0].trainer.world());
     let warnings = maze.map_or_else(Vec::new, |maze| maps::warnings(maze.map()));
     Ok(Contestants { both, warnings })
@@ -157,23 +156,20 @@ fn check_same(a: &Grid, b: &Grid) -> Result<(), Report> {
 
 impl Contender {
     fn checkpoint(&self) -> Option<&Path> {
-        match self {
-            Self::Method(_) => None,
-            Self::Checkpoint(path) => Some(path),
-        }
+        if let Self::Checkpoint(path) = self { Some(path) } else { None }
+    }
+
+    fn method(&self) -> Option<Method> {
+        if let Self::Method(method) = self { Some(method.clone()) } else { None }
     }
 }
 
-/// Loads a contender, unless its world has no map, which may take long to open.
-fn load<'a>(
-    contender: &'a Contender,
+/// Loads a saved run with its map, unless its world has none, which may take long to open.
+fn load(
+    path: &Path,
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
-) -> Result<Side<'a>, Report> {
-    let path = match contender {
-        Contender::Method(method) => return Ok(Side::Method(method)),
-        Contender::Checkpoint(path) => path,
-    };
+) -> Result<(Trainer, Arc<Grid>), Report> {
     // A file that cannot be read gets an error of its own.
     if train::describe(path).is_ok_and(|found| found.world != maze::KIND.name) {
         return Err(without_map(path));
@@ -182,7 +178,7 @@ fn load<'a>(
     let trainer = train::load(path, registry, threads).map_err(from_checkpoint_error)?;
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| without_map(path))?;
     let map = maze.map().clone();
-    Ok(Side::Saved(path, Box::new(trainer), map))
+    Ok((trainer, map))
 }
 
 /// Begins a run of a method: on the map and with the seed of the run beside it, if that is a saved
@@ -216,50 +212,34 @@ fn begin(
     Ok(Contestant { trainer, title, is_paused: false })
 }
 
-/// Texts about a side, the longer one first.
-pub type Texts = [String; 2];
-
-/// Explains a run's colours and its preset, as far as they are not those of the default method.
-pub fn texts(run: &Run, registry: &Registry) -> Option<Texts> {
-    let parts: Vec<[&str; 2]> =
-        [colours(run, registry), preset(run.preset)].into_iter().flatten().collect();
-    let joined = |i: usize| parts.iter().map(|part| part[i]).collect::<Vec<_>>().join("; ");
-    (!parts.is_empty()).then(|| [joined(0), joined(1)])
-}
-
 /// What the help of a comparison begins with.
 const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \
      Colours show the distance D that each has learned; @ walks to G with what it has learned so \
      far, in both from the same start. Click on either map to set the goal of both. The editor \
-     draws walls and closes doors on both. Nothing is saved but pictures and maps.";
+     draws walls and closes doors on both. Only maps are saved.";
 
 /// Returns the text that begins the help, given the sides' titles and what is to be explained.
-pub fn introduction(sides: [(&str, Option<&Texts>); 2]) -> String {
-    let about = sides.into_iter().filter_map(|(title, texts)| {
-        let [long, _] = texts?;
-        Some(format!(" {title}: {long}."))
-    });
-    INTRODUCTION.to_owned() + &about.collect::<String>()
+pub fn introduction(sides: [(&str, Option<&str>); 2]) -> String {
+    let about = sides.map(|(title, about)| about.map(|about| format!(" {title}: {about}.")));
+    INTRODUCTION.to_owned() + &about.into_iter().flatten().collect::<String>()
 }
 
-fn colours(run: &Run, registry: &Registry) -> Option<[&'static str; 2]> {
-    match &*run.method.learner {
-        "random" => Some(["D of networks that do not learn", "D of untrained networks"]),
-        "gdg-distance" => Some(["D is given: the straight line to G", "D: the straight line"]),
+/// Explains a run's colours and its preset, as far as they are not those of the default method.
+pub fn about(run: &Run, registry: &Registry) -> Option<String> {
+    let colours = match &*run.method.learner {
+        "random" => Some("D of untrained networks"),
+        "gdg-distance" => Some("D: the straight line"),
         name if registry.learner(name).is_ok_and(|kind| kind.is_rewarded) => {
-            Some(["it has no D: colours show the steps that its Q stands for", "D: steps by its Q"])
+            Some("D: steps by its Q")
         }
         _ => None,
-    }
-}
-
-fn preset(preset: Preset) -> Option<[&'static str; 2]> {
-    match preset {
+    };
+    let preset = match run.preset {
         Preset::Default => None,
-        Preset::Paper => Some(["paper: exactly as published", "paper: as published"]),
-        Preset::Tuned => {
-            Some(["tuned: the settings with which it does best here", "tuned: best here"])
-        }
-        Preset::Sb3 => Some(["sb3: the defaults of Stable-Baselines3", "sb3: its defaults"]),
-    }
+        Preset::Paper => Some("paper: as published"),
+        Preset::Tuned => Some("tuned: best here"),
+        Preset::Sb3 => Some("sb3: Stable-Baselines3's defaults"),
+    };
+    let parts: Vec<&str> = [colours, preset].into_iter().flatten().collect();
+    (!parts.is_empty()).then(|| parts.join("; "))
 }

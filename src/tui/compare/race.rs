@@ -18,7 +18,7 @@ const MIN_STEPS: u32 = 60;
 
 /// The current race and the results so far.
 pub struct Race {
-    map: Arc<Grid>,
+    pub map: Arc<Grid>,
     /// Start and goal of the current race.
     pub start: Cell,
     pub goal: Cell,
@@ -31,7 +31,7 @@ pub struct Race {
     /// When the race ended, if it has.
     over: Option<Instant>,
     /// Races that each side has finished at the goal, and all that are over.
-    results: ([u32; 2], u32),
+    pub results: ([u32; 2], u32),
     /// Separate, so that training does not depend on the display.
     rng: ChaCha8Rng,
 }
@@ -51,18 +51,9 @@ impl Race {
         }
     }
 
-    pub fn map(&self) -> &Arc<Grid> {
-        &self.map
-    }
-
     pub fn change_map(&mut self, map: Arc<Grid>) {
         self.start = map.nearest_free(self.start).unwrap_or(self.start);
         self.map = map;
-    }
-
-    /// Returns how many races a side has finished at the goal, and how many are over.
-    pub fn results(&self, side: usize) -> (u32, u32) {
-        (self.results.0[side], self.results.1)
     }
 
     pub fn begin(&mut self, start: Cell, goal: Cell, requests: [u64; 2]) {
@@ -139,9 +130,9 @@ mod tests {
         race.observe(0, &view(6, arrived));
         assert_eq!(race.arrived, [None; 2], "an earlier race");
         race.observe(0, &view(7, arrived));
-        assert_eq!((race.results(0), race.over), ((0, 0), None), "the other one still walks");
+        assert_eq!((race.results, race.over), (([0, 0], 0), None), "the other one still walks");
         race.observe(1, &view(8, Walk { steps: MIN_STEPS, shortest: Some(3), ..Walk::default() }));
-        assert_eq!((race.results(0), race.results(1)), ((1, 1), (0, 1)));
+        assert_eq!(race.results, ([1, 0], 1));
         assert!(race.next_round().is_none(), "they rest");
         race.over = race.over.and_then(|at| at.checked_sub(REST));
         let (start, same) = race.next_round().expect("the next race");

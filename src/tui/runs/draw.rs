@@ -12,25 +12,27 @@
 //! +----------------------------------------------+
 //! ```
 
+use std::sync::Arc;
+
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Clear, Paragraph};
+use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 
-use super::list::{List, Row};
-use super::{Deletion, RunsScreen};
+use super::RunsScreen;
+use super::list::List;
 use crate::experiment::plot::Measure;
-use crate::experiment::runs::{COLUMNS, Dated, SavedRun, name};
+use crate::experiment::runs::{COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, When, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::render::chart::{self, Curve};
-use crate::tui::render::{curves, finish_frame, footer, help, middle, too_small};
+use crate::tui::render::{curves, finish_frame, footer, help, too_small};
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{fitted_line, fitted_lines, wrapped};
+use crate::tui::text::{fitted_line, wrapped};
 use crate::tui::theme::Theme;
-use gdg::text::{counted, display_width, fitted, grouped, padded, sanitized};
+use gdg::text::{counted, display_width, fitted, grouped, sanitized};
 use gdg::train::{Preset, list_settings};
 
 /// The smallest screen with room for everything, in columns and rows.
@@ -52,7 +54,7 @@ const MIN_FILE: usize = 14;
 const MIN_ROWS: usize = 6;
 
 /// Columns before a row, for its letter.
-const MARGIN: usize = 3;
+const MARGIN: usize = 2;
 
 /// Where the parts of the screen are.
 #[derive(Debug, Default)]
@@ -88,21 +90,18 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     let layout = &mut places.layout;
     draw_curves(frame, inner, screen, &runs, layout);
     let inner = within(frame, settings, Borders::TOP | Borders::LEFT);
-    let lines = match screen.list.selected() {
-        Some(Row::Damaged(file, problem)) => {
-            let text = sanitized(&format!("{}: {problem}", file.display()));
+    match screen.list.selected() {
+        Some(run) if run.is_damaged() => {
+            let problem = run.problem.as_deref().unwrap_or_default();
+            let text = sanitized(&format!("{}{problem}", run.source.display()));
             let rows = wrapped(&text, usize::from(inner.width).saturating_sub(2).max(1));
             let rows = rows.into_iter().map(|row| Line::raw(format!(" {row}")));
-            std::iter::once(Line::styled(" left out", BOLD)).chain(rows).collect()
+            let lines = std::iter::once(Line::styled(" left out", BOLD)).chain(rows);
+            frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), inner);
         }
-        _ => settings_lines(inner, &runs, &screen.theme),
-    };
-    frame.render_widget(Paragraph::new(fitted_lines(lines, inner.width)), inner);
-    footer(frame, foot, screen, layout);
-    if let Some(deletion) = &screen.deletion {
-        layout.forget_clicks();
-        draw_deletion(frame, area, deletion);
+        _ => draw_settings(frame, inner, &runs, &screen.theme),
     }
+    footer(frame, foot, screen, layout);
     if let Some(shown) = &screen.help {
         layout.forget_clicks();
         help::draw_for_lists(frame, &screen.keymap, shown, layout);
@@ -131,10 +130,10 @@ type Drawn<'a> = (Option<usize>, &'a SavedRun);
 
 /// Returns the marked runs, and first the selected one.
 fn drawn(list: &List) -> Vec<Drawn<'_>> {
-    let selected = list.selected().filter(|row| list.mark(row).is_none());
-    let marked = list.marked().iter().map(|(letter, row)| (Some(*letter), row));
-    let rows = selected.map(|row| (None, row)).into_iter().chain(marked);
-    rows.filter_map(|(letter, row)| Some((letter, row.run()?))).collect()
+    let is_drawn = |run: &&Arc<SavedRun>| list.mark(run).is_none() && !run.is_damaged();
+    let selected = list.selected().filter(is_drawn).map(|run| (None, &**run));
+    let marked = list.marked().iter().map(|(letter, run)| (Some(*letter), &**run));
+    selected.into_iter().chain(marked).collect()
 }
 
 /// Returns the letter of a marked run, or the sign of the selected one.
@@ -155,7 +154,7 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
     if let Some([read, all]) = screen.read.filter(|[read, all]| read < all) {
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }
-    let damaged = screen.list.all().iter().filter(|row| row.run().is_none()).count();
+    let damaged = screen.list.all().iter().filter(|run| run.is_damaged()).count();
     if damaged > 0 {
         let count = counted(damaged as u64, "file");
         let text = format!(" {count} cannot be read, see the end of the list ");
@@ -167,62 +166,61 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
 /// Draws the list below its title and the names of its columns.
 fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Places) {
     let RunsScreen { list, theme, .. } = screen;
-    let [title, names, rows] =
-        Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
-            .areas(area);
-    let widths = widths(list, usize::from(area.width));
+    let [title, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(body);
+    let columns = columns(list, usize::from(area.width));
+    let widths = columns.iter().map(|(_, width)| Constraint::Length(*width as u16));
+    let widths: Vec<Constraint> =
+        [Constraint::Length(MARGIN as u16)].into_iter().chain(widths).collect();
+    let areas = Layout::horizontal(widths.clone()).spacing(1).split(names);
+    places.columns = areas[1..].iter().zip(&columns).map(|(area, of)| (*area, of.0)).collect();
+    let cell = |text: String, (column, width): (usize, usize)| {
+        let line = Line::raw(fitted(&text, width));
+        if COLUMNS[column].number.is_some() { line.right_aligned() } else { line }
+    };
     let (sorted, reversed) = list.order;
-    let mut at = names.x + MARGIN as u16;
-    let mut heads = vec![Span::raw(" ".repeat(MARGIN))];
-    for (column, width) in &widths {
-        let arrow = if reversed { '\u{2191}' } else { '\u{2193}' };
-        let name = COLUMNS[*column].name;
-        let (text, style) =
-            if *column == sorted { (format!("{name}{arrow}"), BOLD) } else { (name.into(), DIM) };
-        heads.push(Span::styled(cell(&text, *column, *width), style));
-        places.columns.push((Rect { x: at, width: *width as u16, ..names }, *column));
-        at += *width as u16 + 1;
-    }
-    frame.render_widget(fitted_line(Line::from(heads), names.width), names);
+    let heads = columns.iter().map(|of| match COLUMNS[of.0].name {
+        name if of.0 != sorted => cell(name.to_owned(), *of).style(DIM),
+        name => cell(format!("{name}{}", if reversed { '\u{2191}' } else { '\u{2193}' }), *of)
+            .style(BOLD),
+    });
+    let head: Row = [Line::default()].into_iter().chain(heads).collect();
     let (room, position) = (usize::from(rows.height), list.position());
     let first = (position + 1).saturating_sub(room);
     places.layout.rows = (rows, first);
-    let lines = list.shown().enumerate().skip(first).take(room).map(|(i, row)| {
-        let letter = list.mark(row);
-        let line = match row {
-            Row::Run(run) => {
-                let sign = letter.map_or(' ', |_| sign(letter));
-                let cells = widths.iter().map(|(column, width)| {
-                    Span::raw(cell(&(COLUMNS[*column].cell)(run), *column, *width))
-                });
-                let sign = Span::styled(format!(" {sign} "), style(letter, theme));
-                let mut line = Line::from(sign);
-                line.extend(cells);
-                line
-            }
-            Row::Damaged(file, problem) => {
-                Line::styled(format!("   {}  {problem}", name(file)), DIM)
-            }
-        };
-        if i == position { line.style(REVERSED) } else { line }
+    let shown = list.shown().enumerate().skip(first).take(room).map(|(i, run)| {
+        let letter = list.mark(run);
+        let sign = letter.map_or(String::new(), |_| format!(" {}", sign(letter)));
+        let cells = columns.iter().map(|of| cell((COLUMNS[of.0].cell)(run), *of));
+        let cells = cells.filter(|_| !run.is_damaged());
+        let row: Row =
+            [Line::styled(sign, style(letter, theme))].into_iter().chain(cells).collect();
+        if i == position { row.style(REVERSED) } else { row }
     });
-    let mut lines: Vec<Line> = lines.collect();
-    let is_read = screen.read.is_some_and(|[read, all]| read == all);
-    if list.all().is_empty() {
-        let none = "   no runs here yet: train with --save FILE, or press s in the interface";
-        lines.push(Line::styled(if is_read { none } else { "   reading ..." }, DIM));
+    let shown: Vec<Row> = shown.collect();
+    let last = first + shown.len();
+    frame.render_widget(Table::new(shown, widths).header(head), body);
+    for (run, area) in list.shown().skip(first).zip(rows.rows()) {
+        if let Some(problem) = run.problem.as_ref().filter(|_| run.is_damaged()) {
+            let text = Line::styled(format!("   {}{problem}", name(&run.source)), DIM);
+            frame.render_widget(fitted_line(text, area.width), area);
+        }
     }
-    let block = list_title(screen, [first + 1, first + lines.len()]);
-    frame.render_widget(block, title);
-    frame.render_widget(Paragraph::new(fitted_lines(lines, rows.width)), rows);
+    if list.all().is_empty() {
+        let is_read = screen.read.is_some_and(|[read, all]| read == all);
+        let none = "   no runs here yet: train with --save FILE, or press s in the interface";
+        let text = Line::styled(if is_read { none } else { "   reading ..." }, DIM);
+        frame.render_widget(text, rows);
+    }
+    frame.render_widget(list_title(screen, [first + 1, last]), title);
 }
 
 /// Returns the line that says how many runs are listed, the words that they must have, and the
 /// first and the last row in view.
 fn list_title(screen: &RunsScreen, [first, last]: [usize; 2]) -> Block<'static> {
     let RunsScreen { list, words, is_typing, .. } = screen;
-    let shown = list.shown().filter(|row| row.run().is_some()).count() as u64;
-    let all = list.all().iter().filter(|row| row.run().is_some()).count() as u64;
+    let shown = list.shown().filter(|run| !run.is_damaged()).count() as u64;
+    let all = list.all().iter().filter(|run| !run.is_damaged()).count() as u64;
     let of = if shown == all { String::new() } else { format!("{shown} of ") };
     let mut title = vec![Span::styled(format!(" {of}{} ", counted(all, "run")), BOLD)];
     if *is_typing || !words.value().is_empty() {
@@ -238,49 +236,28 @@ fn list_title(screen: &RunsScreen, [first, last]: [usize; 2]) -> Block<'static> 
 }
 
 /// Returns the columns that there is room for, and their widths: wide enough for every run, but for
-/// long texts and the file.
-fn widths(list: &List, room: usize) -> Vec<(usize, usize)> {
+/// long texts; the last one gets the rest.
+fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
     let max_text = (room / 7).clamp(6, MAX_TEXT);
-    let runs = || {
-        list.shown().filter_map(|row| match row {
-            Row::Run(run) => Some(run),
-            Row::Damaged(..) => None,
-        })
-    };
-    let widest = |i: usize| {
-        let column = &COLUMNS[i];
-        let width = |run: &Dated| display_width(&(column.cell)(run));
-        let most = match (column.number, i) {
-            (Some(_), _) => usize::MAX,
-            (None, i) if i + 1 == COLUMNS.len() => MIN_FILE,
-            _ => max_text,
-        };
+    let widest = |(i, column): (usize, &crate::experiment::runs::Column)| {
+        let runs = list.shown().filter(|run| !run.is_damaged());
+        let widest = runs.map(|run| display_width(&(column.cell)(run))).max().unwrap_or(0);
+        let most = if column.number.is_some() { usize::MAX } else { max_text };
         // And the sign of the order.
-        let widest = runs().map(width).max().unwrap_or(0);
         (i, widest.min(most).max(column.name.len() + 1))
     };
-    let mut widths: Vec<(usize, usize)> = (0..COLUMNS.len()).map(widest).collect();
-    let needed = |widths: &[(usize, usize)]| {
-        MARGIN + widths.iter().map(|(_, width)| width + 1).sum::<usize>()
+    let mut columns: Vec<_> = COLUMNS[..COLUMNS.len() - 1].iter().enumerate().map(widest).collect();
+    let left = |columns: &[(usize, usize)]| {
+        let taken = columns.iter().map(|(_, width)| width + 1).sum::<usize>();
+        room.saturating_sub(MARGIN + 1 + taken)
     };
-    for column in LEFT_OUT {
-        if needed(&widths) > room {
-            widths.retain(|(kept, _)| COLUMNS[*kept].name != column);
+    for name in LEFT_OUT {
+        if left(&columns) < MIN_FILE {
+            columns.retain(|(kept, _)| COLUMNS[*kept].name != name);
         }
     }
-    let rest = room.saturating_sub(needed(&widths));
-    widths.iter_mut().last().into_iter().for_each(|(_, file)| *file += rest);
-    widths
-}
-
-/// Returns a text in the width of its column, and a blank.
-fn cell(text: &str, column: usize, width: usize) -> String {
-    let text = fitted(text, width);
-    if COLUMNS[column].number.is_some() {
-        let gap = width.saturating_sub(display_width(&text));
-        return format!("{:gap$}{text} ", "");
-    }
-    format!("{} ", padded(&text, width))
+    columns.push((COLUMNS.len() - 1, left(&columns)));
+    columns
 }
 
 /// Draws the curves of runs; a click on the title changes the axis.
@@ -344,10 +321,8 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
         row("variant", &|run| run.variant.clone().unwrap_or_default()),
         row("seed", &|run| run.seed.to_string()),
         row("updates", &|run| grouped(run.updates)),
-        row("left out", &|run| match run.skipped.lines {
-            0 => String::new(),
-            _ if runs.len() == 1 => format!("line {}", run.skipped),
-            lines => counted(lines, "line"),
+        row("left out", &|run| {
+            run.problem.as_ref().map_or(String::new(), |at| format!("line {}", &at[1..]))
         }),
     ];
     // A setting's value is the run's own, or else its preset's.
@@ -373,71 +348,34 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
     facts.into_iter().chain(settings).filter(is_told).collect()
 }
 
-/// Returns what the runs differ in, side by side, as far as there is room.
-fn settings_lines(area: Rect, runs: &[Drawn], theme: &Theme) -> Vec<Line<'static>> {
+/// Draws what the runs differ in, side by side, as far as there is room.
+fn draw_settings(frame: &mut Frame, area: Rect, runs: &[Drawn], theme: &Theme) {
     let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
     let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0).min(MAX_NAME);
-    let room = usize::from(area.width).saturating_sub(names + 2);
     let widest = rows.iter().flat_map(|(_, values)| values).map(|value| display_width(value));
-    let most = if runs.len() == 1 { room } else { MAX_VALUE };
-    let width = widest.max().unwrap_or(0).clamp(1, most.max(1));
-    let columns = (room / (width + 1)).clamp(1, runs.len().max(1));
-    let mut lines = vec![match runs.len() {
-        0 | 1 => Line::styled(" run", BOLD),
-        all if columns < all => {
-            Line::styled(format!(" differences: {columns} of {all} runs"), BOLD)
-        }
-        _ => Line::styled(" differences", BOLD),
-    }];
-    if runs.len() > 1 {
-        let letters = runs.iter().take(columns).map(|(letter, _)| {
-            let text = padded(&sign(*letter).to_string(), width + 1);
-            Span::styled(text, style(*letter, theme).patch(BOLD))
-        });
-        lines.push(std::iter::once(Span::raw(" ".repeat(names + 2))).chain(letters).collect());
-        if rows.is_empty() {
-            lines.push(Line::styled(" none: these runs should be the same", DIM));
-        }
-    }
-    for (name, values) in rows {
-        let name = format!(" {} ", padded(&fitted(&name, names), names));
-        let mut line = Line::from(Span::styled(name, DIM));
-        for value in values.iter().take(columns) {
-            line.push_span(Span::raw(format!("{} ", padded(&fitted(value, width), width))));
-        }
-        lines.push(line);
-    }
-    let height = usize::from(area.height);
-    if lines.len() > height {
-        lines.truncate(height.saturating_sub(1));
-        lines.push(Line::styled(" ...", DIM));
-    }
-    lines
+    let most = if runs.len() == 1 { usize::from(area.width) } else { MAX_VALUE };
+    let width = Constraint::Length(widest.max().unwrap_or(0).clamp(1, most.max(1)) as u16);
+    let (name, values) = (Constraint::Length(names as u16 + 1), vec![width; runs.len()]);
+    let widths: Vec<Constraint> = [name].into_iter().chain(values).collect();
+    let letter = |(letter, _): &Drawn| {
+        Span::styled(sign(*letter).to_string(), style(*letter, theme).patch(BOLD))
+    };
+    let title = if runs.len() > 1 { " differences" } else { " run" };
+    let letters = runs.iter().filter(|_| runs.len() > 1).map(letter);
+    let head = [Span::styled(title, BOLD)].into_iter().chain(letters);
+    let rows = rows.into_iter().map(|(name, values)| {
+        let name = Cell::new(format!(" {name}")).style(DIM);
+        [name].into_iter().chain(values.into_iter().map(Cell::new)).collect::<Row>()
+    });
+    frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
 }
 
-/// Draws the question above everything, with the files that would be deleted, as far as there is
-/// room.
-fn draw_deletion(frame: &mut Frame, area: Rect, Deletion { question, files }: &Deletion) {
-    let columns = usize::from(area.width).saturating_sub(6).max(1);
-    let room = usize::from(area.height).saturating_sub(4);
-    let names = files.iter().map(|file| sanitized(&file.display().to_string()));
-    let mut lines: Vec<String> = names.flat_map(|name| wrapped(&name, columns)).collect();
-    if lines.len() > room {
-        lines.truncate(room.saturating_sub(1));
-        lines.push("and more".to_owned());
-    }
-    let widest = lines.iter().chain([question]).map(|line| display_width(line)).max().unwrap_or(0);
-    let box_area = middle(area, (widest + 4) as u16, lines.len() as u16 + 2);
-    let lines: Vec<Line> = lines.iter().map(|line| Line::raw(format!(" {line}"))).collect();
-    let block = Block::bordered()
-        .title(Span::styled(format!(" {question} "), BOLD))
-        .title_bottom(Span::styled(" y: yes  n: no ", BOLD.patch(REVERSED)));
-    frame.render_widget(Clear, box_area);
-    frame.render_widget(Paragraph::new(lines).block(block), box_area);
-}
-
-/// Draws a notice, or keys.
+/// Draws a question, a notice, or keys.
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
+    if let Some((question, _)) = &screen.deletion {
+        let text = Line::styled(format!(" {question}"), BOLD.patch(REVERSED));
+        return frame.render_widget(fitted_line(text, area.width), area);
+    }
     if let Some(notice) = screen.log.notice() {
         return footer::draw_notice(frame, area, &screen.theme, notice);
     }

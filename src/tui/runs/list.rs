@@ -1,83 +1,29 @@
-//! The rows of the list: which are shown, in which order, which are marked, and which is selected.
+//! The rows of the list: which are shown, in which order, which are marked, and which is selected;
+//! and what is done with their files.
 
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use crate::experiment::runs::{COLUMNS, Dated, Found, Kind, SavedRun, State, WRITTEN};
+use super::Wish;
+use crate::experiment::runs::{COLUMNS, Kind, SavedRun, State, WRITTEN, name};
+use gdg::files;
+use gdg::text::{counted, sanitized};
 
 /// Runs that can be marked at once: one for each letter.
 const MAX_MARKS: usize = 26;
 
-/// A run, or a file that cannot be read, and why.
-#[derive(Clone, Debug)]
-pub enum Row {
-    Run(Dated),
-    Damaged(PathBuf, String),
-}
-
-impl Row {
-    pub fn run(&self) -> Option<&SavedRun> {
-        match self {
-            Self::Run((run, _)) => Some(run),
-            Self::Damaged(..) => None,
-        }
-    }
-
-    pub fn file(&self) -> &Path {
-        match self {
-            Self::Run((run, _)) => &run.source,
-            Self::Damaged(file, _) => file,
-        }
-    }
-
-    /// Whether its file grows: another program trains the run.
-    pub fn is_growing(&self) -> bool {
-        matches!(self, Self::Run((run, written)) if run.state(*written) == State::Running)
-    }
-
-    /// Whether it is the same row, of which the file may have grown.
-    fn is_same(&self, other: &Self) -> bool {
-        let is_same_run = || match (self.run(), other.run()) {
-            // A file of records may have several; the settings of a checkpoint may change with it.
-            (Some(own), Some(run)) => {
-                !matches!(own.kind, Kind::Records(_)) || own.identity() == run.identity()
-            }
-            (own, run) => own.is_none() && run.is_none(),
-        };
-        self.file() == other.file() && is_same_run()
-    }
-
-    /// What it is found by, in small letters.
-    fn words(&self) -> Vec<String> {
-        let words = match self {
-            Self::Run((run, written)) => {
-                let files = [&run.source].into_iter().chain(&run.others);
-                let files = files.map(|path| path.to_string_lossy().into_owned());
-                let facts = [
-                    format!("map={}", run.map),
-                    format!("method={}", run.method),
-                    format!("seed={}", run.seed),
-                    run.state(*written).name().to_owned(),
-                ];
-                let all = facts.into_iter().chain(run.variant.clone()).chain(files);
-                all.chain(run.settings.clone()).collect()
-            }
-            Self::Damaged(file, problem) => vec![format!("{} {problem}", file.display())],
-        };
-        words.iter().map(|word| word.to_lowercase()).collect()
-    }
-}
-
 /// The list. At first, the newest run comes first; files that cannot be read always come last.
 #[derive(Debug)]
 pub struct List {
-    all: Vec<Row>,
+    all: Vec<Arc<SavedRun>>,
     /// Indices of those shown, in order.
     shown: Vec<usize>,
     /// The marked runs, by the numbers of their letters.
-    marks: BTreeMap<usize, Row>,
-    selected: Option<Row>,
+    marks: BTreeMap<usize, Arc<SavedRun>>,
+    selected: Option<Arc<SavedRun>>,
     /// The column that it is sorted by, and whether in reverse.
     pub order: (usize, bool),
     words: String,
@@ -90,14 +36,41 @@ impl Default for List {
     }
 }
 
+/// Whether it is the same run, of which the file may have grown.
+fn is_same(a: &SavedRun, b: &SavedRun) -> bool {
+    // A file of records may have several; the settings of a checkpoint may change with it.
+    let is_same_run = || match (a.kind, b.kind) {
+        (Kind::Records, _) => a.identity() == b.identity(),
+        _ => a.is_damaged() == b.is_damaged(),
+    };
+    a.source == b.source && is_same_run()
+}
+
+/// Whether its file grows: another program trains the run.
+fn is_growing(run: &SavedRun) -> bool {
+    !run.is_damaged() && run.state() == State::Running
+}
+
+/// Returns what a run is found by, in small letters.
+fn words(run: &SavedRun) -> Vec<String> {
+    let files = [&run.source].into_iter().chain(&run.others);
+    let files = files.map(|path| path.to_string_lossy().into_owned());
+    let facts = [
+        format!("map={}", run.map),
+        format!("method={}", run.method),
+        format!("seed={}", run.seed),
+        run.state().name().to_owned(),
+    ];
+    let all = facts.into_iter().chain(run.variant.clone()).chain(run.problem.clone()).chain(files);
+    all.chain(run.settings.clone()).map(|word| word.to_lowercase()).collect()
+}
+
 impl List {
     /// Shows what has been found; marks and selection stay with their runs.
-    pub fn update(&mut self, found: &Found) {
-        let problems = found.problems.iter().cloned();
-        let damaged = problems.map(|(file, problem)| Row::Damaged(file, problem));
-        self.all = found.runs.iter().cloned().map(Row::Run).chain(damaged).collect();
-        let now = |before: &Row| self.all.iter().find(|row| row.is_same(before)).cloned();
-        let marks = self.marks.iter().filter_map(|(letter, row)| Some((*letter, now(row)?)));
+    pub fn update(&mut self, found: &[Arc<SavedRun>]) {
+        self.all = found.to_vec();
+        let now = |before: &Arc<SavedRun>| found.iter().find(|run| is_same(run, before)).cloned();
+        let marks = self.marks.iter().filter_map(|(letter, run)| Some((*letter, now(run)?)));
         self.marks = marks.collect();
         self.selected = self.selected.as_ref().and_then(now);
         self.arrange();
@@ -107,7 +80,7 @@ impl List {
     fn arrange(&mut self) {
         let wanted = self.words.to_lowercase();
         let matches = |i: &usize| {
-            let own = self.all[*i].words();
+            let own = words(&self.all[*i]);
             // A word with an equals sign is one as a whole, others are parts.
             let has = |word: &str| {
                 own.iter()
@@ -117,34 +90,35 @@ impl List {
         };
         let mut shown: Vec<usize> = (0..self.all.len()).filter(matches).collect();
         let (column, reversed) = self.order;
-        shown.sort_by(|a, b| match (&self.all[*a], &self.all[*b]) {
-            (Row::Run(a), Row::Run(b)) => {
-                let mut ties = COLUMNS[..3].iter().map(|column| column.compare(a, b, false));
-                let order = COLUMNS[column].compare(a, b, reversed);
-                order.then_with(|| ties.find(|tie| tie.is_ne()).unwrap_or(Ordering::Equal))
-            }
-            (a, b) => b.run().is_some().cmp(&a.run().is_some()),
+        shown.sort_by(|a, b| {
+            let (a, b) = (&self.all[*a], &self.all[*b]);
+            let mut ties = COLUMNS[..3].iter().map(|column| column.compare(a, b, false));
+            let order = a.is_damaged().cmp(&b.is_damaged());
+            order
+                .then_with(|| COLUMNS[column].compare(a, b, reversed))
+                .then_with(|| ties.find(|tie| tie.is_ne()).unwrap_or(Ordering::Equal))
         });
         self.shown = shown;
     }
 
     /// All rows, whether or not they are shown.
-    pub fn all(&self) -> &[Row] {
+    pub fn all(&self) -> &[Arc<SavedRun>] {
         &self.all
     }
 
     /// The rows shown, in order.
-    pub fn shown(&self) -> impl ExactSizeIterator<Item = &Row> {
+    pub fn shown(&self) -> impl ExactSizeIterator<Item = &Arc<SavedRun>> {
         self.shown.iter().map(|i| &self.all[*i])
     }
 
     /// Returns the place of the selected row: the first one, if that is not among those shown.
     pub fn position(&self) -> usize {
-        let is_selected = |row: &Row| self.selected.as_ref().is_some_and(|own| own.is_same(row));
+        let is_selected =
+            |run: &Arc<SavedRun>| self.selected.as_ref().is_some_and(|own| is_same(own, run));
         self.shown().position(is_selected).unwrap_or(0)
     }
 
-    pub fn selected(&self) -> Option<&Row> {
+    pub fn selected(&self) -> Option<&Arc<SavedRun>> {
         self.shown().nth(self.position())
     }
 
@@ -161,15 +135,15 @@ impl List {
 
     /// Marks the selected run, or unmarks it. Returns whether there was a letter left for it.
     pub fn toggle_mark(&mut self) -> bool {
-        let Some(row) = self.selected().filter(|row| row.run().is_some()).cloned() else {
+        let Some(run) = self.selected().filter(|run| !run.is_damaged()).cloned() else {
             return true;
         };
-        if let Some(letter) = self.mark(&row) {
+        if let Some(letter) = self.mark(&run) {
             self.marks.remove(&letter);
             return true;
         }
         let free = (0..MAX_MARKS).find(|letter| !self.marks.contains_key(letter));
-        free.is_some_and(|letter| self.marks.insert(letter, row).is_none())
+        free.is_some_and(|letter| self.marks.insert(letter, run).is_none())
     }
 
     pub fn clear_marks(&mut self) {
@@ -177,21 +151,13 @@ impl List {
     }
 
     /// The number of a run's letter, if it is marked.
-    pub fn mark(&self, row: &Row) -> Option<usize> {
-        self.marks.iter().find(|(_, marked)| marked.is_same(row)).map(|(letter, _)| *letter)
+    pub fn mark(&self, run: &SavedRun) -> Option<usize> {
+        self.marks.iter().find(|(_, marked)| is_same(marked, run)).map(|(letter, _)| *letter)
     }
 
     /// Returns the marked runs with the numbers of their letters, even those not shown.
-    pub fn marked(&self) -> &BTreeMap<usize, Row> {
+    pub fn marked(&self) -> &BTreeMap<usize, Arc<SavedRun>> {
         &self.marks
-    }
-
-    /// Returns the marked rows, or the selected one if there are none.
-    pub fn chosen(&self) -> Vec<&Row> {
-        if self.marks.is_empty() {
-            return self.selected().into_iter().collect();
-        }
-        self.marks.values().collect()
     }
 
     /// Sorts by a column, or reverses its order if the list is sorted by it.
@@ -200,22 +166,107 @@ impl List {
         self.arrange();
     }
 
-    pub fn sort_by_next(&mut self) {
-        self.sort_by((self.order.0 + 1) % COLUMNS.len());
-    }
-
     /// Shows only rows with all of these words.
     pub fn filter(&mut self, words: &str) {
         words.clone_into(&mut self.words);
         self.arrange();
     }
+
+    /// Returns the wish to see the selected run.
+    pub fn to_resume(&self) -> Result<Wish, String> {
+        wish(self.selected().ok_or("no run is selected")?, None)
+    }
+
+    /// Returns the wish to see the two marked runs, or the marked and the selected one, side by side.
+    pub fn to_compare(&self) -> Result<Wish, String> {
+        let mut runs: Vec<&Arc<SavedRun>> = self.marks.values().collect();
+        if runs.len() == 1 {
+            runs.extend(self.selected().filter(|run| self.mark(run).is_none()));
+        }
+        match runs[..] {
+            [a, b] if a.map != b.map => {
+                let [a, b] = [a, b].map(|run| sanitized(&run.map));
+                Err(format!("runs on different maps cannot be compared: {a} and {b}"))
+            }
+            [a, b] => wish(a, Some(b)),
+            _ => Err("mark two runs to compare them".to_owned()),
+        }
+    }
+
+    /// Returns the question whether to delete all files of the marked runs, or else of the selected
+    /// one, and the files, unless one of them still grows.
+    pub fn to_delete(&self) -> Result<(String, BTreeSet<PathBuf>), String> {
+        let mut rows: Vec<&Arc<SavedRun>> = self.marks.values().collect();
+        if rows.is_empty() {
+            rows.extend(self.selected());
+        }
+        let all = rows.iter().flat_map(|run| [&run.source].into_iter().chain(&run.others));
+        let files: BTreeSet<PathBuf> = all.filter(|file| !file.is_dir()).cloned().collect();
+        if files.is_empty() {
+            return Err("no file is selected".to_owned());
+        }
+        // A file may have other runs than those chosen.
+        let in_files = self.all.iter().filter(|run| files.contains(&run.source));
+        if let Some(run) = in_files.clone().find(|run| is_growing(run)) {
+            return Err(format!("{} still grows: end its run first", name(&run.source)));
+        }
+        let others = match in_files.count().saturating_sub(rows.len()) as u64 {
+            0 => String::new(),
+            others => format!(" with {} not chosen", counted(others, "run")),
+        };
+        let names = files.iter().map(|file| name(file)).collect::<Vec<_>>().join(", ");
+        let count = counted(files.len() as u64, "file");
+        Ok((format!("delete {count}{others} for good? y: yes  n: no ({names})"), files))
+    }
+}
+
+fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> {
+    let checkpoint = |run: &SavedRun| match &run.checkpoint {
+        Some(path) if path.is_file() => Ok(path.clone()),
+        found => {
+            let why = match found {
+                Some(path) => format!("{} is gone", path.display()),
+                None if run.is_damaged() => "it cannot be read".to_owned(),
+                None => "it has no checkpoint".to_owned(),
+            };
+            Err(format!("{} cannot be resumed: {why}", name(&run.source)))
+        }
+    };
+    let is_growing = is_growing(run) || beside.is_some_and(|run| is_growing(run));
+    let warning = is_growing.then(|| {
+        "another program still trains this: what is shown is a copy, as last saved; of the two, \
+         the one that saves second does so to another name"
+            .to_owned()
+    });
+    let beside = beside.map(|run| checkpoint(run)).transpose()?;
+    Ok(Wish { file: checkpoint(run)?, beside, warning })
+}
+
+/// Deletes files; returns what was done.
+pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {
+    for file in files {
+        remove(file).map_err(|error| format!("{} is kept: {error}", file.display()))?;
+    }
+    Ok(format!("deleted {}", counted(files.len() as u64, "file")))
+}
+
+fn remove(file: &Path) -> IoResult<()> {
+    let in_use = || Error::new(ErrorKind::ResourceBusy, "another program uses it");
+    if files::is_in_use(file) {
+        return Err(in_use());
+    }
+    let removed = files::while_locked(file, || match std::fs::remove_file(file) {
+        // What is gone needs no removal.
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    });
+    removed.unwrap_or_else(|| Err(in_use()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::tests::{found, saved};
     use super::*;
-    use crate::experiment::runs::Ending;
 
     fn list() -> List {
         let mut list = List::default();
@@ -232,11 +283,11 @@ mod tests {
     }
 
     fn names(list: &List) -> String {
-        list.shown().map(|row| row.file().to_string_lossy()[..1].to_owned()).collect()
+        list.shown().map(|run| run.source.to_string_lossy()[..1].to_owned()).collect()
     }
 
     #[test]
-    fn runs_are_sorted_by_each_column_and_those_without_a_number_come_last() {
+    fn runs_are_sorted_by_columns_and_found_by_words() {
         let mut list = list();
         for (name, order, reversed) in [
             ("success", "abc", "bac"),
@@ -248,17 +299,11 @@ mod tests {
         ] {
             for expected in [order, reversed] {
                 list.sort_by(column(name));
-                assert_eq!(names(&list), expected, "{name}");
+                assert_eq!(names(&list), expected, "{name}: those without a number come last");
             }
         }
-        list.sort_by_next();
-        assert_eq!(list.order, (0, false), "after the last column comes the first");
-    }
-
-    #[test]
-    fn words_are_parts_and_those_with_an_equals_sign_are_whole() {
-        let mut list = list();
         list.sort_by(column("file"));
+        // Words are parts, and those with an equals sign are whole.
         for (words, found) in [
             ("", "abc"),
             ("TRAP", "ab"),
@@ -284,17 +329,17 @@ mod tests {
         list.sort_by(column("file"));
         assert_eq!((names(&list), list.position()), ("cba".to_owned(), 0));
         let marked = |list: &List| {
-            let map = |row: &Row| row.run().map_or(String::new(), |run| run.map.clone());
-            let all = list.marked().iter().map(|(i, row)| format!("{i}{}", map(row)));
-            all.collect::<Vec<_>>().join(" ")
+            let all = list.marked().iter().map(|(i, run)| format!("{i}{} ", run.map));
+            all.collect::<String>()
         };
-        assert_eq!(marked(&list), "0trap 1city");
+        assert_eq!(marked(&list), "0trap 1city ");
         list.filter("her");
-        assert_eq!((list.shown().len(), marked(&list)), (1, "0trap 1city".to_owned()));
+        assert_eq!((list.shown().len(), marked(&list)), (1, "0trap 1city ".to_owned()));
         assert!(list.toggle_mark());
-        assert_eq!((marked(&list), list.chosen().len()), ("1city".to_owned(), 1));
+        assert_eq!(marked(&list), "1city ");
         let of_file = |seed| SavedRun {
-            kind: Kind::Records(Ending::Open),
+            kind: Kind::Records,
+            end: None,
             ..saved("own.jsonl", "own", "gdg", seed, &[0.5])
         };
         list.filter("");
@@ -303,11 +348,11 @@ mod tests {
         list.select(1);
         assert!(list.toggle_mark());
         list.update(&found(&[4, 5, 6, 7].map(of_file)));
-        let seed = |row: Option<&Row>| row.and_then(Row::run).map(|run| run.seed);
+        let seed = |run: Option<&Arc<SavedRun>>| run.map(|run| run.seed);
         assert_eq!(seed(list.selected()), Some(7), "its file has grown");
-        assert_eq!(seed(list.chosen().first().copied()), Some(7));
+        assert_eq!(seed(list.marked().values().next()), Some(7));
         list.update(&found(&[]));
         list.step(-1);
-        assert!(list.selected().is_none() && list.chosen().is_empty() && list.toggle_mark());
+        assert!(list.selected().is_none() && list.marked().is_empty() && list.toggle_mark());
     }
 }

@@ -1,11 +1,10 @@
 //! Lists of runs on a buffer instead of a terminal.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::SystemTime;
 
 use super::*;
-use crate::experiment::runs::{Ending, Kind, SavedRun, Skipped};
+use crate::experiment::runs::{Kind, SavedRun, State};
 use crate::experiment::spec::EvaluationAt;
 use crate::tui::tests::{click, draw, place_of, press, shown_by, type_text};
 use crate::tui::theme::ThemeName;
@@ -13,12 +12,7 @@ use gdg::train::{Evaluation, Score};
 
 /// Returns a saved run with these success rates, evaluated every 1,000 updates.
 pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) -> SavedRun {
-    let score = |success| Score {
-        success: Some(success),
-        spl: None,
-        steps_ratio: None,
-        by_distance: Vec::new(),
-    };
+    let score = |success| Score { success: Some(success), ..Score::default() };
     let plans = method == "gdg-bridge";
     let evaluation = |(i, success): (usize, &f64)| EvaluationAt {
         updates: 1_000 * (i as u64 + 1),
@@ -27,38 +21,41 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
         evaluation: Evaluation {
             greedy: score(if plans { success / 2.0 } else { *success }),
             planned: plans.then(|| score(*success)),
-            straight: None,
-            distance_error: None,
-            bridges: None,
             coverage: Some(0.5),
-            marked: None,
+            ..Evaluation::default()
         },
     };
     SavedRun {
         source: file.into(),
         kind: Kind::Checkpoint,
+        end: Some(State::Saved),
         map: map.to_owned(),
-        fingerprint: None,
         method: method.to_owned(),
-        variant: None,
         settings: ["preset=default", "hidden=16"].map(str::to_owned).to_vec(),
         seed,
-        begun: 0,
-        resumed: None,
         updates: 1_000 * success.len() as u64,
         evaluations: success.iter().enumerate().map(evaluation).collect(),
         checkpoint: Some(file.into()),
-        others: Vec::new(),
-        skipped: Skipped::default(),
+        ..SavedRun::default()
     }
 }
 
 /// Returns runs as they are found, written one after the other.
-pub fn found(runs: &[SavedRun]) -> Found {
+pub fn found(runs: &[SavedRun]) -> Vec<Arc<SavedRun>> {
     let day = |i: usize| SystemTime::UNIX_EPOCH + Duration::from_hours(36 + 24 * i as u64);
-    let runs = runs.iter().enumerate();
-    let runs = runs.map(|(i, run)| (Arc::new(run.clone()), Some(day(i))));
-    Found { runs: runs.collect(), ..Found::default() }
+    let dated = |(i, run): (usize, &SavedRun)| SavedRun { written: Some(day(i)), ..run.clone() };
+    runs.iter().enumerate().map(dated).map(Arc::new).collect()
+}
+
+fn damaged(file: impl Into<PathBuf>, problem: &str) -> SavedRun {
+    let problem = Some(problem.to_owned());
+    SavedRun { source: file.into(), kind: Kind::Damaged, problem, ..SavedRun::default() }
+}
+
+impl RunsScreen {
+    fn show_runs(&mut self, runs: &[SavedRun]) {
+        self.list(&Found { runs: found(runs), read: [1, 1] });
+    }
 }
 
 /// Returns a list with runs of several kinds, one of which cannot be read.
@@ -70,54 +67,42 @@ pub fn screen() -> RunsScreen {
     let mut screen = RunsScreen::new("saves", nothing, opener, &config, keymap);
     screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     let records = |seed, success: &[f64]| SavedRun {
-        kind: Kind::Records(Ending::Interrupted),
+        kind: Kind::Records,
+        end: Some(State::Interrupted),
         checkpoint: None,
         ..saved("records/rooms.jsonl", "rooms", "her", seed, success)
     };
     let result = SavedRun {
         kind: Kind::Result,
+        end: Some(State::Done),
         variant: Some("small".to_owned()),
         settings: ["preset=tuned", "hidden=8"].map(str::to_owned).to_vec(),
         checkpoint: None,
         ..saved("suite/jobs/trap-her-3.json", "trap", "her", 3, &[0.3, 0.4, 0.5])
     };
-    let mut all = found(&[
+    screen.show_runs(&[
         saved("saves/fourrooms.safetensors", "fourrooms", "gdg-bridge", 0, &[0.3, 0.7, 0.9, 1.0]),
         saved("saves/fourrooms-2.safetensors", "fourrooms", "gdg", 1, &[0.2, 0.4, 0.5]),
         records(1, &[0.1, 0.3]),
         records(2, &[]),
         result,
+        damaged("saves/damaged.safetensors", ": is cut off at 12 bytes"),
     ]);
-    all.problems = vec![("saves/damaged.safetensors".into(), "is cut off at 12 bytes".to_owned())];
-    all.read = [6, 6];
-    screen.list(&all);
     screen
-}
-
-/// Returns runs that have just been written.
-fn found_now(runs: impl IntoIterator<Item = SavedRun>) -> Found {
-    let now = Some(SystemTime::now());
-    let runs = runs.into_iter().map(|run| (Arc::new(run), now)).collect();
-    Found { runs, ..Found::default() }
 }
 
 #[test]
 fn every_size_can_be_drawn() {
     let mut screen = screen();
-    for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
-        for keys in [" ", "?", "?", "/x", "\n", "j", "D", "n"] {
-            type_text(&mut screen, keys);
-            draw(&mut screen, width, height);
-        }
-    }
-    // Names as long as names get.
     let long = "x".repeat(300);
     let run = saved(&format!("own-{long}"), &long, &long, u64::MAX, &[0.375]);
-    screen.list(&found(&[run, saved("other", "\u{8ff7}\u{5bae}", "gdg", 0, &[])]));
-    for (width, height) in [(60, 16), (80, 24), (300, 100)] {
-        for keys in [" ", "j", " ", "D", "n"] {
-            type_text(&mut screen, keys);
-            draw(&mut screen, width, height);
+    for all in [None, Some([run, saved("other", "\u{8ff7}\u{5bae}", "gdg", 0, &[])])] {
+        all.iter().for_each(|runs| screen.show_runs(runs));
+        for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
+            for keys in [" ", "?", "?", "/x", "\n", "j", "D", "n"] {
+                type_text(&mut screen, keys);
+                draw(&mut screen, width, height);
+            }
         }
     }
 }
@@ -125,13 +110,13 @@ fn every_size_can_be_drawn() {
 #[test]
 fn files_that_cannot_be_read_are_rows_that_tell_all() {
     let mut screen = screen();
-    let bad =
-        |i| (format!("many/bad-{i}.jsonl").into(), format!("line 7: {} {i}", "no ".repeat(30)));
-    let problems: Vec<_> = (0..30).map(bad).collect();
-    screen.list(&Found { problems, ..found(&[saved("good", "own", "gdg", 0, &[])]) });
+    let bad = |i| damaged(format!("many/bad-{i}.jsonl"), &format!(":7: {} {i}", "no ".repeat(30)));
+    let runs: Vec<_> =
+        [saved("good", "own", "gdg", 0, &[])].into_iter().chain((0..30).map(bad)).collect();
+    screen.show_runs(&runs);
     press(&mut screen, KeyCode::End);
     let shown = shown_by(&mut screen, 80, 24);
-    for part in ["many/bad-29.jsonl: line 7:", " no 29 ", " 23 to 31 of 31 "] {
+    for part in ["   bad-0.jsonl:7: no no", " no 0 ", " 23 to 31 of 31 "] {
         assert!(shown.contains(part), "{part}: {shown}");
     }
     press(&mut screen, KeyCode::Enter);
@@ -149,45 +134,14 @@ fn the_mouse_sorts_selects_and_marks() {
     click(&mut screen, MouseButton::Left, at);
     assert!(screen.list.marked().is_empty());
     click(&mut screen, MouseButton::Left, at);
-    assert_eq!(screen.list.marked()[&0].run().map(|run| run.seed), Some(1));
+    assert_eq!(screen.list.marked()[&0].seed, 1);
     let at = place_of(&shown, "success rate over");
     click(&mut screen, MouseButton::Left, at);
     assert_eq!(screen.curves.1, Axis::Steps);
 }
 
 #[test]
-fn only_runs_with_a_checkpoint_can_be_resumed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("own.safetensors");
-    std::fs::write(&file, "a checkpoint").expect("a file");
-    let mut screen = screen();
-    let own = |path: &Path| saved(&path.to_string_lossy(), "own", "gdg", 7, &[]);
-    screen.list(&found(&[own(&folder.path().join("gone.safetensors")), own(&file)]));
-    press(&mut screen, KeyCode::End);
-    press(&mut screen, KeyCode::Enter);
-    let shown = shown_by(&mut screen, 200, 40);
-    assert!(screen.wish.is_none() && shown.contains("is gone"), "{shown}");
-    press(&mut screen, KeyCode::Home);
-    press(&mut screen, KeyCode::Enter);
-    assert_eq!(screen.wish, Some(Wish { file, beside: None, warning: None }));
-}
-
-#[test]
-fn a_run_that_another_program_still_trains_is_opened_as_a_copy() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("own.safetensors");
-    std::fs::write(&file, "a checkpoint").expect("a file");
-    // Its checkpoint is of the same run, as it is the one that its records name.
-    let own = saved(&file.to_string_lossy(), "own", "gdg", 7, &[]);
-    let mut screen = screen();
-    screen.list(&found_now([SavedRun { kind: Kind::Records(Ending::Open), ..own }]));
-    press(&mut screen, KeyCode::Enter);
-    let told = screen.wish.and_then(|wish| wish.warning).expect("a warning");
-    assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
-}
-
-#[test]
-fn two_runs_on_the_same_map_are_compared() {
+fn runs_with_a_checkpoint_are_resumed_and_two_on_the_same_map_compared() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     let own = |name: &str, map: &str| {
@@ -195,17 +149,30 @@ fn two_runs_on_the_same_map_are_compared() {
         saved(&path(name).to_string_lossy(), map, "gdg", 7, &[])
     };
     let mut screen = screen();
-    screen.list(&found(&[own("c", "own"), own("b", "other"), own("a", "own")]));
+    screen.show_runs(&[own("c", "own"), own("b", "other"), own("a", "own")]);
     press(&mut screen, KeyCode::Char(' '));
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
-    assert!(
-        shown_by(&mut screen, 120, 40).contains("different maps cannot be compared: own and other")
-    );
+    let shown = shown_by(&mut screen, 120, 40);
+    assert!(shown.contains("different maps cannot be compared: own and other"), "{shown}");
     press(&mut screen, KeyCode::Down);
     press(&mut screen, KeyCode::Char('c'));
     let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None };
-    assert_eq!(screen.wish, Some(wish));
+    assert_eq!(screen.wish.take(), Some(wish));
+    std::fs::remove_file(path("c")).expect("a file");
+    press(&mut screen, KeyCode::Enter);
+    assert!(screen.wish.is_none() && shown_by(&mut screen, 200, 40).contains("is gone"));
+    press(&mut screen, KeyCode::Home);
+    press(&mut screen, KeyCode::Enter);
+    let wish = Wish { file: path("a"), beside: None, warning: None };
+    assert_eq!(screen.wish.take(), Some(wish));
+    // Another program still trains it.
+    let grows = SavedRun { kind: Kind::Records, end: None, ..own("a", "own") };
+    let grows = SavedRun { written: Some(SystemTime::now()), ..grows };
+    screen.list(&Found { runs: vec![Arc::new(grows)], read: [1, 1] });
+    press(&mut screen, KeyCode::Enter);
+    let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
+    assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
 }
 
 #[test]
@@ -216,39 +183,34 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
         std::fs::write(path(name), "a checkpoint").expect("a file");
         saved(&path(name).to_string_lossy(), "own", "gdg", 7, &[])
     };
-    let runs = ["a", "b", "c"].map(own);
     let mut screen = screen();
-    screen.list(&found(&runs));
+    screen.show_runs(&["a", "b", "c"].map(own));
     type_text(&mut screen, " j D");
     let asked = shown_by(&mut screen, 200, 40);
-    for part in ["delete 2 files for good?", "y: yes  n: no", "/c ", "/b "] {
-        assert!(asked.contains(part), "{part}: {asked}");
-    }
+    assert!(asked.contains("delete 2 files for good? y: yes  n: no (b, c)"), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only y deletes");
     type_text(&mut screen, "Dy");
     assert_eq!(["a", "b", "c"].map(|name| path(name).exists()), [true, false, false]);
     assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
-    let problems = vec![(path("a"), "line 1: not a record".to_owned())];
-    screen.list(&Found { problems, ..Found::default() });
+    screen.show_runs(&[damaged(path("a"), ":1: not a record")]);
     type_text(&mut screen, "Dy");
     assert!(!path("a").exists(), "a file that is no run");
     // A run of two files, one of which has another run, or is removed meanwhile.
-    let records = SavedRun { kind: Kind::Records(Ending::Finished), ..own("d") };
+    let records = SavedRun { kind: Kind::Records, end: Some(State::Done), ..own("d") };
     let joined = SavedRun { others: vec![path("e")], ..records.clone() };
     let other = SavedRun { seed: 8, ..records.clone() };
-    let checkpoint = own("e");
-    screen.list(&found(&[joined.clone(), other]));
+    screen.show_runs(&[joined, other]);
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
     assert!(asked.contains("delete 2 files with 1 run not chosen for good?"), "{asked}");
-    std::fs::remove_file(checkpoint.source).expect("a file");
     type_text(&mut screen, "y");
     assert!(!path("d").exists(), "all files of the run");
     // A file with a run that has ended, and one that goes on.
-    let grows = SavedRun { kind: Kind::Records(Ending::Open), seed: 9, ..own("d") };
-    screen.list(&found_now([records, grows]));
+    let now = |run| Arc::new(SavedRun { written: Some(SystemTime::now()), ..run });
+    let grows = SavedRun { end: None, seed: 9, kind: Kind::Records, ..own("d") };
+    screen.list(&Found { runs: vec![now(records), now(grows)], read: [1, 1] });
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Delete);
     assert!(shown_by(&mut screen, 120, 40).contains("d still grows"));

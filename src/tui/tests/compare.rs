@@ -32,7 +32,7 @@ impl App {
         let comparison = self.comparison();
         comparison.sessions[side].on_snapshot(snapshot.clone());
         comparison.sessions[side].on_view(view.clone());
-        comparison.follow(side, snapshot, view);
+        comparison.follow(side, view);
     }
 }
 
@@ -333,76 +333,29 @@ fn the_editor_draws_by_keyboard_on_both() {
     press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('u'));
     assert!(maps(&mut comparison).iter().all(|map| map.is_free(goal)), "also with a closed editor");
-    press(&mut comparison, KeyCode::Char('q'));
-    assert!(comparison.is_done());
-}
-
-#[test]
-fn a_drawn_map_can_be_given_up() {
-    let mut comparison = stopped_comparison();
-    draw(&mut comparison, 80, 24);
-    type_text(&mut comparison, "ex");
+    type_text(&mut comparison, "e1x");
     press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('q'));
     assert!(!comparison.is_done());
     press(&mut comparison, KeyCode::Char('n'));
-    assert!(comparison.is_done());
-}
-
-fn stage_films(comparison: &mut App, updates: [&[u64]; 2]) {
-    for (side, updates) in updates.into_iter().enumerate() {
-        let app = &comparison.apps()[side].screen.snapshot.clone();
-        let film = film(comparison.apps()[side], updates);
-        comparison.follow(side, &Arc::new(Snapshot { film, ..(**app).clone() }), &View::default());
-    }
-}
-
-fn shown_updates(comparison: &mut App) -> [Option<u64>; 2] {
-    comparison.apps().map(|app| app.screen.past.as_ref().map(|frame| frame.updates))
+    assert!(comparison.is_done(), "it is given up");
 }
 
 #[test]
-fn both_look_back_at_the_same_place_along_the_axis() {
+fn both_look_back() {
     let mut comparison = staged(80, 24);
-    // An update is 16 environment steps on one side, and 12 on the other.
-    stage_films(&mut comparison, [&[1, 2_500, 5_000], &[1, 2_500, 7_500]]);
-    for (key, expected) in [
-        (KeyCode::Char('['), [Some(5_000), Some(7_500)]),
-        (KeyCode::Char('['), [Some(2_500); 2]),
-        (KeyCode::Char('['), [Some(1); 2]),
-        (KeyCode::Char('['), [Some(1); 2]),
-        (KeyCode::Char(']'), [Some(2_500); 2]),
-        (KeyCode::Char(']'), [Some(5_000), Some(7_500)]),
-        (KeyCode::Char(']'), [None; 2]),
-        (KeyCode::Char('['), [Some(5_000), Some(7_500)]),
-        (KeyCode::Esc, [None; 2]),
-    ] {
-        press(&mut comparison, key);
-        assert_eq!(shown_updates(&mut comparison), expected, "after {key:?}");
+    for side in 0..2 {
+        let film = film(comparison.apps()[side], &[1, 2_500]);
+        let snapshot = (*comparison.apps()[side].screen.snapshot).clone();
+        let snapshot = Snapshot { film, ..snapshot };
+        comparison.follow(side, &Arc::new(snapshot), &View::default());
+    }
+    for (key, expected) in [('[', Some(2_500)), ('[', Some(1)), (']', Some(2_500)), ('\x1b', None)]
+    {
+        press(&mut comparison, if key == '\x1b' { KeyCode::Esc } else { KeyCode::Char(key) });
+        let shown = comparison.apps().map(|app| app.screen.past.as_ref().map(|past| past.updates));
+        assert_eq!(shown, [expected; 2], "after {key:?}");
         let shown = shown_by(&mut comparison, 120, 40);
-        assert_eq!(shown.contains("looking back"), expected[0].is_some(), "{shown}");
+        assert_eq!(shown.contains("looking back"), expected.is_some(), "{shown}");
     }
-}
-
-#[test]
-fn a_click_on_the_curves_looks_back_and_an_edit_returns() {
-    let mut comparison = staged(80, 24);
-    stage_films(&mut comparison, [&[1, 2_500, 5_000, 10_000], &[1, 2_500, 5_000, 10_000]]);
-    draw(&mut comparison, 80, 24);
-    // The left quarter of the chart's rows, above those with the axis and the keys.
-    mouse(&mut comparison, MouseEventKind::Down(MouseButton::Left), Position::new(24, 19));
-    assert_eq!(shown_updates(&mut comparison), [Some(2_500); 2]);
-    press(&mut comparison, KeyCode::Char('e'));
-    assert_eq!(shown_updates(&mut comparison), [None; 2], "the present is edited");
-}
-
-#[test]
-fn pictures_show_both_maps() {
-    let mut comparison = staged(80, 24);
-    let file = comparison.comparison().contents(ExportKind::MapPng).expect("a picture");
-    let reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
-    let (width, height) = (reader.info().width, reader.info().height);
-    assert!(width == 8 * 80 && (16 * 10..16 * 24).contains(&height), "{width} x {height}");
-    let drawing = comparison.comparison().contents(ExportKind::MapSvg).expect("a drawing");
-    assert!(drawing.starts_with(b"<svg"));
 }

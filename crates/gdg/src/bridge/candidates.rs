@@ -1,6 +1,5 @@
 //! Bridge candidates, and the step counts that trajectories show between them.
 
-mod edit;
 mod paths;
 mod spacing;
 
@@ -9,13 +8,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::hops::HopOutcomes;
 use super::settings::{BridgeSettings, MAX_FACTOR};
 use crate::env::Spec;
 use crate::learn::GoalIndex;
 use crate::store::{StoreError, planes};
-use paths::{AT_SHARE, KnownPaths, Path, rows};
-pub(crate) use spacing::MAX_SPACING_SHARE;
+use paths::{AT_SHARE, HopOutcomes, KnownPaths, Path};
 
 /// Step count between two candidates that no trajectory connected within the time window.
 pub const UNOBSERVED: u16 = u16::MAX;
@@ -58,89 +55,50 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Candidates {
     #[serde(skip)]
-    spec: Spec,
-    /// Target number of candidates, and the hard limit.
+    pub(super) spec: Spec,
     #[serde(skip)]
-    target_count: usize,
-    #[serde(skip)]
-    max_count: usize,
-    /// Spacing beyond which only the hard limit counts.
-    #[serde(skip)]
-    max_spacing: f32,
-    /// Whether trajectories verify edges.
-    #[serde(skip)]
-    verified: bool,
+    pub(crate) settings: BridgeSettings,
     /// Whether space has turned out to be open.
     is_open: bool,
-    /// D below which there are edges, in steps.
-    #[serde(skip)]
-    edge_cutoff_steps: f32,
-    #[serde(skip)]
-    window: usize,
     spacing: f32,
-    /// Initial spacing.
-    #[serde(skip)]
-    least_spacing: f32,
-    /// Distance that candidates keep from each other even where walls separate them.
-    #[serde(skip)]
-    min_spacing: f32,
     /// `(candidates, state_dim)`.
     #[serde(with = "planes")]
     states: Vec<f32>,
     /// The candidates as goals. Shared with frozen copies until the next change.
     #[serde(skip)]
     goal_index: Arc<GoalIndex>,
-    /// The ids, in ascending order.
     ids: Vec<u32>,
-    /// The next candidate's id.
     next_id: u32,
     /// Observed paths from each candidate. Frozen copies share the rows that have not changed
     /// since.
-    #[serde(with = "rows")]
     paths: Vec<Arc<KnownPaths>>,
-    /// Each agent's recent visits.
     visits: Vec<VecDeque<Visit>>,
-    /// Steps in each agent's episode so far.
     clocks: Vec<u32>,
-    /// Outcomes of walks between candidates, by D.
     hops: HopOutcomes,
 }
 
-/// Outcomes of walks from one candidate to another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WalkRecord {
-    /// Number of walks that arrived in time.
     pub arrived: u16,
     /// Number of consecutive failures since the last arrival.
     pub failed: u16,
 }
 
-/// A visit of an agent to a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Visit {
-    /// Step within the episode.
     step: u32,
-    /// The candidate's index.
     candidate: u32,
     /// Whether the agent was at the candidate itself, not only near it.
     exact: bool,
 }
 
 impl Candidates {
-    /// Creates an empty set of candidates for `agents` agents.
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
         Self {
             spec: spec.clone(),
-            target_count: settings.candidates,
-            max_count: settings.max_candidates(),
-            max_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
-            verified: settings.verify_edges,
+            settings: settings.clone(),
             is_open: false,
-            edge_cutoff_steps: settings.edge_cutoff_steps,
-            window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
-            least_spacing: settings.candidate_spacing * spec.goal_radius,
-            min_spacing: MIN_SPACING_RADII.min(settings.candidate_spacing) * spec.goal_radius,
             states: Vec::new(),
             goal_index: Arc::new(GoalIndex::new(spec)),
             ids: Vec::new(),
@@ -157,6 +115,7 @@ impl Candidates {
     pub fn frozen(&self) -> Arc<Self> {
         Arc::new(Self {
             spec: self.spec.clone(),
+            settings: self.settings.clone(),
             states: self.states.clone(),
             goal_index: self.goal_index.clone(),
             ids: self.ids.clone(),
@@ -171,17 +130,24 @@ impl Candidates {
     /// walks are never attributed to new candidates; keeps the outcomes of hops, and the spacing if
     /// the initial one is the same.
     pub fn reset_to(&mut self, fresh: Self) {
-        let spacing =
-            if self.least_spacing == fresh.least_spacing { self.spacing } else { fresh.spacing };
+        let is_same = self.least_spacing() == fresh.least_spacing();
+        let spacing = if is_same { self.spacing } else { fresh.spacing };
         *self = Self { next_id: self.next_id, hops: self.hops, spacing, ..fresh };
     }
 
-    /// Returns the number of candidates.
+    fn least_spacing(&self) -> f32 {
+        self.settings.candidate_spacing * self.spec.goal_radius
+    }
+
+    /// Returns the distance that candidates keep from each other even where walls separate them.
+    fn min_spacing(&self) -> f32 {
+        MIN_SPACING_RADII.min(self.settings.candidate_spacing) * self.spec.goal_radius
+    }
+
     pub fn len(&self) -> usize {
         self.ids.len()
     }
 
-    /// Returns whether there are no candidates.
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
@@ -231,17 +197,14 @@ impl Candidates {
         self.ids[i]
     }
 
-    /// Returns the index of the candidate with this id, unless it has retired.
     pub(super) fn index_of(&self, id: u32) -> Option<usize> {
         self.ids.binary_search(&id).ok()
     }
 
-    /// Returns the outcomes of walks from candidate `from` to candidate `to`.
-    pub fn walk_record(&self, from: usize, to: usize) -> WalkRecord {
+    pub(crate) fn walk_record(&self, from: usize, to: usize) -> WalkRecord {
         self.paths[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
-    /// Returns the outcomes of walks between candidates, by D.
     pub fn hops(&self) -> &HopOutcomes {
         &self.hops
     }
@@ -267,7 +230,6 @@ impl Candidates {
         self.spacing
     }
 
-    /// Returns the distance within which an agent counts as being at a candidate.
     fn near_radius(&self) -> f32 {
         (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
     }
@@ -278,16 +240,21 @@ impl Candidates {
         let clock = self.clocks[agent];
         self.clocks[agent] += 1;
         let visits = &mut self.visits[agent];
-        while visits.front().is_some_and(|visit| clock - visit.step > self.window as u32) {
+        while visits
+            .front()
+            .is_some_and(|visit| clock - visit.step > self.settings.window_steps() as u32)
+        {
             visits.pop_front();
         }
         let latest = visits.back().map(|visit| (visit.candidate as usize, clock - visit.step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
-        let spacing = self.spacing_of_newcomers();
+        // Of what others have to retire for, more is asked.
+        let makes_room = self.settings.verify_edges && self.len() >= self.settings.max_candidates();
+        let spacing = if makes_room { NEWCOMER_FACTOR * self.spacing } else { self.spacing };
         let is_behind_a_wall = |(from, steps)| self.is_behind_a_wall(state, spacing, from, steps);
         if distance > spacing
-            || (distance > self.min_spacing && latest.is_some_and(is_behind_a_wall))
+            || (distance > self.min_spacing() && latest.is_some_and(is_behind_a_wall))
         {
             near = self.add(state, distance <= spacing);
         }
@@ -314,7 +281,6 @@ impl Candidates {
         miss.sqrt() < AT_SHARE * self.near_radius()
     }
 
-    /// Skips the next state of `agent`'s episode.
     pub fn pass(&mut self, agent: usize) {
         self.clocks[agent] += 1;
     }
@@ -331,19 +297,8 @@ impl Candidates {
         self.goal_index.nearest(&self.achieved(state)).unwrap_or((0, f32::INFINITY))
     }
 
-    /// Returns the goal that `state` achieves.
     fn achieved(&self, state: &[f32]) -> Vec<f32> {
         self.spec.achieved(state).collect()
-    }
-
-    /// Returns the distance that a state must have from all candidates to become one: the spacing,
-    /// and more if others have to retire for it.
-    fn spacing_of_newcomers(&self) -> f32 {
-        if self.verified && self.len() >= self.max_count {
-            NEWCOMER_FACTOR * self.spacing
-        } else {
-            self.spacing
-        }
     }
 
     /// Whether trajectories show that `state` is far from all candidates within `spacing`:
@@ -381,7 +336,7 @@ impl Candidates {
     fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
         while self.is_full() {
             self.move_apart();
-            let spacing = if behind_a_wall { self.min_spacing } else { self.spacing };
+            let spacing = if behind_a_wall { self.min_spacing() } else { self.spacing };
             if self.nearest(state).1 <= spacing {
                 return None;
             }
@@ -395,10 +350,6 @@ impl Candidates {
         Some(self.len() - 1)
     }
 
-    /// Continues with the candidates of a checkpoint, of as many agents.
-    ///
-    /// # Errors
-    /// They were saved with other sizes, or hold numbers out of range.
     pub fn restore(&mut self, stored: Self) -> Result<(), StoreError> {
         let Self { spacing, is_open, states, ids, next_id, paths, visits, clocks, hops, .. } =
             stored;
@@ -408,7 +359,7 @@ impl Candidates {
                 && visits.iter().all(|v| (v.candidate as usize) < n && v.step < *clock)
         });
         // Where edges are unverified, newcomers thin out those of before.
-        let fits = n <= MAX_FACTOR * self.target_count
+        let fits = n <= MAX_FACTOR * self.settings.candidates
             && states.len() == n * self.spec.state_dim()
             && ids.is_sorted_by(|a, b| a < b)
             && ids.last().is_none_or(|last| *last < next_id)
@@ -417,19 +368,14 @@ impl Candidates {
             && paths.iter().enumerate().all(|(from, paths)| paths.fit(from, n))
             && [visits.len(), clocks.len()] == [self.clocks.len(); 2]
             && visits_fit;
-        if !fits {
-            return Err(StoreError::inconsistent(
-                "the stored bridge candidates do not fit these settings",
-            ));
-        }
+        StoreError::unless(fits, "the stored bridge candidates do not fit these settings")?;
         // The spacing never falls below its initial value; from far below, it would take hours to
         // grow.
-        let plausible = spacing >= 0.5 * self.least_spacing && spacing.is_finite();
-        if !(plausible && states.iter().all(|v| v.is_finite()) && hops.is_plausible()) {
-            return Err(StoreError::inconsistent(
-                "the stored bridge candidates contain values out of range",
-            ));
-        }
+        let plausible = spacing >= 0.5 * self.least_spacing()
+            && spacing.is_finite()
+            && states.iter().all(|v| v.is_finite())
+            && hops.is_plausible();
+        StoreError::unless(plausible, "the stored bridge candidates contain values out of range")?;
         let mut goal_index = GoalIndex::new(&self.spec);
         for state in states.chunks_exact(self.spec.state_dim()) {
             goal_index.push(&self.achieved(state));
@@ -456,7 +402,6 @@ pub(super) mod tests {
         (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
     }
 
-    /// Walks one agent along the line from 0 to `end`, half a goal radius per step.
     fn walk(candidates: &mut Candidates, end: f32) {
         for step in 0..=(2.0 * end) as usize {
             let at = [0.5 * step as f32, 0.5];
@@ -465,7 +410,6 @@ pub(super) mod tests {
         candidates.end_episode(0);
     }
 
-    /// Returns candidates on the line after a walk from 0 to `end`, with their spec and settings.
     pub fn walked(candidates: usize, end: f32) -> (Spec, BridgeSettings, Candidates) {
         let (spec, settings) = line(candidates);
         let mut candidates = Candidates::new(&spec, 1, &settings);
@@ -473,7 +417,6 @@ pub(super) mod tests {
         (spec, settings, candidates)
     }
 
-    /// Walks an agent back and forth along a corridor at `y`, several times.
     pub fn walk_corridor(candidates: &mut Candidates, y: f32, xs: Range<i32>) {
         for _ in 0..30 {
             xs.clone()
@@ -554,77 +497,21 @@ pub(super) mod tests {
         let settings = BridgeSettings { verify_edges: false, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 15.0);
-        let [from, to] = [0, 1].map(|i| candidates.id(i));
+        let ids = candidates.ids.clone();
         let record = |arrived, failed| WalkRecord { arrived, failed };
-        (0..2).for_each(|_| candidates.record_walk(from, to, 2.0, false));
-        assert_eq!(
-            [(0, 1), (1, 0)].map(|(a, b)| candidates.walk_record(a, b)),
-            [record(0, 2), record(0, 0)]
-        );
-        candidates.record_walk(from, to, 2.0, true);
-        assert_eq!(candidates.walk_record(0, 1), record(1, 0));
-        candidates.record_walk(from, 12_345, 2.0, true);
-        candidates.record_walk(from, from, 2.0, true);
-        let records = |candidates: &Candidates| -> usize {
-            candidates.paths.iter().map(|paths| paths.practice.len()).sum()
-        };
-        assert_eq!(records(&candidates), 1, "neither loops nor unknown candidates");
-
-        let place = |id: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == id);
-        let before: Vec<(u32, f32)> =
-            (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
-        for (a, _) in &before {
-            before.iter().for_each(|(b, _)| candidates.record_walk(*a, *b, 2.0, true));
+        (0..2).for_each(|_| candidates.record_walk(ids[0], ids[1], 2.0, false));
+        let both = [(0, 1), (1, 0)].map(|(a, b)| candidates.walk_record(a, b));
+        assert_eq!(both, [record(0, 2), record(0, 0)]);
+        for a in &ids {
+            // Neither loops nor unknown candidates are recorded.
+            ids.iter().chain([&12_345]).for_each(|b| candidates.record_walk(*a, *b, 2.0, true));
         }
         // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);
-        let kept: Vec<(usize, f32)> =
-            before.iter().filter_map(|(id, at)| Some((place(*id, &candidates)?, *at))).collect();
-        assert!((2..before.len()).contains(&kept.len()), "{} stayed", kept.len());
-        for (i, at) in &kept {
-            assert_eq!(candidates.points()[2 * i], *at);
-            let others = kept.iter().filter(|(j, _)| j != i);
-            others.for_each(|(j, _)| assert!(candidates.walk_record(*i, *j).arrived > 0));
-        }
-        assert_eq!(records(&candidates), kept.len() * (kept.len() - 1));
-        let again = restored(&candidates, Candidates::new(&spec, 1, &settings));
-        assert_eq!(bytes(&again), bytes(&candidates));
-    }
-
-    fn bytes(candidates: &Candidates) -> Vec<u8> {
-        crate::store::to_bytes(candidates).expect("numbers")
-    }
-
-    /// Returns the `fresh` ones with what a checkpoint keeps of `candidates`.
-    pub fn restored(candidates: &Candidates, mut fresh: Candidates) -> Candidates {
-        let stored = postcard::from_bytes(&bytes(candidates)).expect("their own bytes");
-        fresh.restore(stored).expect("their own state");
-        fresh
-    }
-
-    #[test]
-    fn candidates_of_other_sizes_or_out_of_range_are_refused() {
-        let (spec, settings, candidates) = walked(20, 29.5);
-        let refused = |change: &dyn Fn(&mut Candidates)| {
-            let mut changed = candidates.clone();
-            change(&mut changed);
-            Candidates::new(&spec, 1, &settings).restore(changed).is_err()
-        };
-        let path = |c: &mut Candidates, to| Arc::make_mut(&mut c.paths[0]).observed[0].to = to;
-        let visit = |step, candidate| Visit { step, candidate, exact: false };
-        assert!(!refused(&|_| {}));
-        assert!(refused(&|c| c.ids.swap(0, 1)) && refused(&|c| c.next_id = c.ids[1]));
-        assert!(refused(&|c| c.next_id = u32::MAX) && refused(&|c| c.states.clear()));
-        assert!(refused(&|c| drop(c.paths.pop())) && refused(&|c| c.clocks.clear()));
-        assert!(refused(&|c| path(c, 0)) && refused(&|c| path(c, 999)));
-        for visits in [[visit(0, 999); 2], [visit(2, 0), visit(1, 0)], [visit(4, 0); 2]] {
-            assert!(refused(&|c| {
-                (c.clocks[0], c.visits[0]) = (4, visits.into());
-            }));
-        }
-        for number in [f32::NAN, f32::INFINITY, 0.0, -1.0] {
-            assert!(refused(&|c| c.spacing = number));
-        }
-        assert!(refused(&|c| c.states[0] = f32::NAN) && refused(&|c| c.hops.spoil()));
+        let kept: Vec<usize> = ids.iter().filter_map(|id| candidates.index_of(*id)).collect();
+        assert!((2..ids.len()).contains(&kept.len()), "{} stayed", kept.len());
+        let records: usize = candidates.paths.iter().map(|paths| paths.practice.len()).sum();
+        assert_eq!(records, kept.len() * (kept.len() - 1));
+        assert_eq!(candidates.walk_record(kept[0], kept[1]), record(1, 0));
     }
 }

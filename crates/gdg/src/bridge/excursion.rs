@@ -28,19 +28,15 @@ pub(crate) const MIN_STRIDE: f32 = 0.5;
 /// excursion, short enough to set out at once when a door opens.
 pub(crate) const SHARE_ROUNDS: u32 = 1_000;
 
-/// One agent's excursion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Excursion {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Excursion {
     /// Steps left unless it finds a new place; `None` before the first step.
     left: Option<u32>,
-    /// The action that it holds.
     held: Option<Held>,
 }
 
-/// An action held until it leads to another place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Held {
-    /// Place where it was chosen.
     from: usize,
     action: usize,
     steps: u32,
@@ -54,75 +50,46 @@ struct Held {
 /// Tennenholtz 2002). This needs neither D nor the actor, which are not trained there yet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excursions {
-    places: Places,
-    /// Steps for which an action is held.
+    pub(crate) places: Places,
     #[serde(skip)]
     held_steps: u32,
-    /// Each agent's place, once known.
     at: Vec<Option<usize>>,
-    /// Each agent's excursion, if it is on one.
-    under_way: Vec<Option<Excursion>>,
-    spent: Spent,
-}
-
-/// How much of their time agents have spent on excursions lately.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-struct Spent {
-    /// Mean share of agents on an excursion.
-    share: f64,
-    /// Number of rounds averaged, at most [`SHARE_ROUNDS`]; older ones fade.
-    rounds: u32,
+    pub(crate) under_way: Vec<Option<Excursion>>,
+    /// Mean share of agents on an excursion lately, and the number of rounds averaged, at most
+    /// [`SHARE_ROUNDS`]; older ones fade.
+    spent: (f64, u32),
 }
 
 impl Excursions {
-    /// Returns the state before the first step of `agents` agents in a world with `spec`.
     pub fn new(spec: &Spec, agents: usize) -> Self {
         Self {
             places: Places::new(spec),
-            held_steps: held_steps(spec),
+            // As many as cross a place by the smallest stride.
+            held_steps: ((spec.goal_radius / (MIN_STRIDE * spec.largest_change())).round() as u32)
+                .clamp(HELD_STEPS[0], HELD_STEPS[1]),
             at: vec![None; agents],
             under_way: vec![None; agents],
-            spent: Spent::default(),
+            spent: (0.0, 0),
         }
-    }
-
-    /// Whether `agent` is on an excursion.
-    pub fn is_on(&self, agent: usize) -> bool {
-        self.under_way[agent].is_some()
     }
 
     /// Whether agents have lately spent less than `share` of their steps on excursions. Counting
     /// goals would not do: on a large map, one goal takes many times as long as an excursion.
     pub fn are_due(&self, share: f32) -> bool {
-        self.spent.share < f64::from(share)
+        self.spent.0 < f64::from(share)
     }
 
-    /// Counts a round of steps of all agents.
-    pub fn count_steps(&mut self) {
+    pub(crate) fn count_steps(&mut self) {
         let on = self.under_way.iter().flatten().count() as f64 / self.under_way.len() as f64;
-        self.spent.rounds = (self.spent.rounds + 1).min(SHARE_ROUNDS);
-        self.spent.share += (on - self.spent.share) / f64::from(self.spent.rounds);
-    }
-
-    /// Starts an excursion of `agent` from where it is.
-    pub fn begin(&mut self, agent: usize) {
-        self.under_way[agent] = Some(Excursion { left: None, held: None });
-    }
-
-    /// Ends the excursion of `agent`, if it is on one.
-    pub fn end(&mut self, agent: usize) {
-        self.under_way[agent] = None;
-    }
-
-    /// Whether there are untried actions that may lead to new places.
-    pub fn has_frontier(&self) -> bool {
-        self.places.has_frontier()
+        let (share, rounds) = &mut self.spent;
+        *rounds = (*rounds + 1).min(SHARE_ROUNDS);
+        *share += (on - *share) / f64::from(*rounds);
     }
 
     /// Returns the centre of the place at the frontier that `agent` is heading for, as a goal,
     /// `(goal_dim)`.
     pub fn destination(&self, agent: usize) -> Option<Vec<f32>> {
-        let at = self.at[agent].filter(|_| self.is_on(agent))?;
+        let at = self.at[agent].filter(|_| self.under_way[agent].is_some())?;
         Some(self.places.centre(self.places.frontier_from(at)?))
     }
 
@@ -162,13 +129,9 @@ impl Excursions {
             return false;
         };
         let held = excursion.held.unwrap_or_else(|| {
-            let random = rng.random::<f32>() < RANDOM_SHARE;
-            let chosen = if random {
-                self.places.random_action(rng)
-            } else {
-                self.places.action_ahead(at, rng)
-            };
-            Held { from: at, action: chosen, steps: 0 }
+            let is_random = rng.random::<f32>() < RANDOM_SHARE;
+            let action = self.places.choose_action(at, is_random, rng);
+            Held { from: at, action, steps: 0 }
         });
         excursion.held = Some(Held { steps: held.steps + 1, ..held });
         let stride = rng.random_range(MIN_STRIDE..=1.0);
@@ -178,27 +141,16 @@ impl Excursions {
         true
     }
 
-    /// Ends all excursions.
-    pub fn end_all(&mut self) {
+    pub(crate) fn end_all(&mut self) {
         self.at.fill(None);
         self.under_way.fill(None);
     }
 
-    /// Continues with the places of `before`, in the same world.
-    pub fn keep_places(&mut self, before: Self) {
-        self.places = before.places;
-    }
-
-    /// Ends all excursions and forgets where actions lead, as the world has changed.
-    pub fn forget_outcomes(&mut self) {
+    pub(crate) fn forget_outcomes(&mut self) {
         self.places.forget_outcomes();
         self.end_all();
     }
 
-    /// Continues with the excursions of a checkpoint, of as many agents in the same world.
-    ///
-    /// # Errors
-    /// They do not fit.
     pub fn restore(&mut self, spec: &Spec, stored: Self) -> Result<(), StoreError> {
         let Self { places, at, under_way, spent, .. } = stored;
         let places = places.restored(spec)?;
@@ -211,109 +163,21 @@ impl Excursions {
             });
             held && excursion.left != Some(0)
         };
-        if at.len() != self.at.len()
-            || under_way.len() != at.len()
-            || !at.iter().flatten().all(known)
-            || !under_way.iter().flatten().all(fits)
-            || !(0.0..=1.0).contains(&spent.share)
-            || spent.rounds > SHARE_ROUNDS
-        {
-            return Err(StoreError::inconsistent("the stored excursions do not fit the agents"));
-        }
+        let all_fit = [at.len(), under_way.len()] == [self.at.len(); 2]
+            && at.iter().flatten().all(known)
+            && under_way.iter().flatten().all(fits)
+            && (0.0..=1.0).contains(&spent.0)
+            && spent.1 <= SHARE_ROUNDS;
+        StoreError::unless(all_fit, "the stored excursions do not fit the agents")?;
         *self = Self { places, at, under_way, spent, ..*self };
         Ok(())
     }
 }
 
-/// Returns the number of steps that cross a place by the smallest stride.
-fn held_steps(spec: &Spec) -> u32 {
-    let [least, most] = HELD_STEPS;
-    let steps = spec.goal_radius / (MIN_STRIDE * spec.largest_change());
-    (steps.round() as u32).clamp(least, most)
-}
-
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
-
-    use rand::SeedableRng;
-
     use super::places::tests::plane;
     use super::*;
-
-    /// A corridor one unit wide: right, up, left, up, right and so on, `floors` times.
-    fn is_free([x, y]: [f32; 2], floors: i32) -> bool {
-        let (x, y) = (x.floor() as i32, y.floor() as i32);
-        let connects = if y.rem_euclid(4) == 1 { x == 9 } else { x == 0 };
-        (0..10).contains(&x) && (0..2 * floors - 1).contains(&y) && (y % 2 == 0 || connects)
-    }
-
-    /// Moves `at` by `action`; a wall stops the component towards it.
-    fn step(at: [f32; 2], action: [f32; 2], is_free: impl Fn([f32; 2]) -> bool) -> [f32; 2] {
-        let x = Some([at[0] + action[0], at[1]]).filter(|to| is_free(*to)).unwrap_or(at);
-        Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to)).unwrap_or(x)
-    }
-
-    /// Lets four agents explore a corridor where an action moves them by `speed`, and returns the
-    /// number of cells visited.
-    fn explore(
-        speed: f32,
-        excursions: &mut Excursions,
-        at: &mut [[f32; 2]; 4],
-        steps: usize,
-        rng: &mut ChaCha8Rng,
-    ) -> usize {
-        let mut visited = BTreeSet::new();
-        for _ in 0..steps {
-            for (agent, at) in at.iter_mut().enumerate() {
-                visited.insert(at.map(|v| v.floor() as i32));
-                excursions.arrive(agent, at);
-                if !excursions.is_on(agent) {
-                    excursions.begin(agent);
-                }
-                let mut action = [0.0; 2];
-                assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
-                *at = step(*at, action.map(|along| speed * along), |to| is_free(to, 6));
-            }
-        }
-        visited.len()
-    }
-
-    #[test]
-    fn a_winding_corridor_is_explored_to_its_end_by_slow_agents_that_hold_their_actions_too() {
-        let slow = Spec { change_scale: vec![0.2; 2], ..plane() };
-        assert_eq!(held_steps(&slow), 10);
-        // 65 cells in a row; random steps would take thousands to get to the end.
-        for (spec, speed, held, steps, expected) in [
-            (plane(), 1.0, held_steps(&plane()), 400, 65),
-            (slow.clone(), 0.2, 3, 1_500, 3),
-            (slow, 0.2, 10, 1_500, 65),
-        ] {
-            let mut excursions = Excursions::new(&spec, 4);
-            excursions.held_steps = held;
-            let mut rng = ChaCha8Rng::seed_from_u64(1);
-            let visited = explore(speed, &mut excursions, &mut [[0.5, 0.5]; 4], steps, &mut rng);
-            assert_eq!(visited, expected);
-        }
-    }
-
-    #[test]
-    fn excursions_continue_exactly_from_a_checkpoint() {
-        let mut excursions = Excursions::new(&plane(), 4);
-        let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let mut at = [[0.5, 0.5]; 4];
-        explore(1.0, &mut excursions, &mut at, 50, &mut rng);
-        let bytes = crate::store::to_bytes(&excursions).expect("numbers");
-        let stored = || postcard::from_bytes(&bytes).expect("its own bytes");
-        let mut resumed = Excursions::new(&plane(), 4);
-        resumed.restore(&plane(), stored()).expect("its own state");
-        assert_eq!(resumed, excursions);
-        let (mut again, mut same) = (at, rng.clone());
-        explore(1.0, &mut excursions, &mut at, 50, &mut rng);
-        explore(1.0, &mut resumed, &mut again, 50, &mut same);
-        assert_eq!((resumed, again), (excursions, at));
-        assert!(Excursions::new(&plane(), 3).restore(&plane(), stored()).is_err(), "other agents");
-    }
 
     #[test]
     fn excursions_take_their_share_of_steps_however_long_goals_are_pursued() {
@@ -323,15 +187,12 @@ mod tests {
         for _ in 0..rounds {
             for agent in 0..2 {
                 if left[agent] == 0 {
-                    excursions.end(agent);
-                    left[agent] = 300;
-                    if excursions.are_due(0.2) {
-                        excursions.begin(agent);
-                        left[agent] = 20;
-                    }
+                    let is_due = excursions.are_due(0.2);
+                    excursions.under_way[agent] = is_due.then(Excursion::default);
+                    left[agent] = if is_due { 20 } else { 300 };
                 }
                 left[agent] -= 1;
-                on[agent] += u32::from(excursions.is_on(agent));
+                on[agent] += u32::from(excursions.under_way[agent].is_some());
             }
             excursions.count_steps();
         }

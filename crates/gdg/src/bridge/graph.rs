@@ -17,12 +17,9 @@ use crate::job::Job;
 use crate::learn::{Policy, Scratch};
 use crate::store::{StoreError, planes};
 
-/// A directed edge between two candidates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// Source candidate.
     pub from: usize,
-    /// Target candidate.
     pub to: usize,
     /// D(from, to) when the graph was built, in steps.
     pub distance: f32,
@@ -32,11 +29,9 @@ pub struct Edge {
     /// Planning cost in steps: the length, and more if only observed trajectories support the edge,
     /// or if walks along it or along other edges of its length failed.
     pub cost: f32,
-    /// Its record in practice.
     pub status: EdgeStatus,
 }
 
-/// An edge's record in practice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EdgeStatus {
     /// Not walked yet, or failed once since the latest arrival.
@@ -48,7 +43,6 @@ pub enum EdgeStatus {
 }
 
 impl EdgeStatus {
-    /// All of them.
     pub const ALL: [Self; 3] = [Self::Untried, Self::Confirmed, Self::Demoted];
 }
 
@@ -62,9 +56,8 @@ impl From<WalkRecord> for EdgeStatus {
     }
 }
 
-/// A [`BridgeGraph`] in a checkpoint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct StoredGraph {
+pub(crate) struct StoredGraph {
     candidates: Arc<Candidates>,
     /// Source and target of each edge.
     from: Vec<u32>,
@@ -74,15 +67,11 @@ pub struct StoredGraph {
     distances: Vec<f32>,
 }
 
-/// Cost multiplier of a demoted edge.
 pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
 
-/// Snapshot of candidates and edges at one point in training.
 #[derive(Clone, Debug)]
 pub struct BridgeGraph {
-    spec: Spec,
-    settings: BridgeSettings,
-    candidates: Arc<Candidates>,
+    pub(super) candidates: Arc<Candidates>,
     edges: Vec<Edge>,
     /// `incoming[first[j]..first[j + 1]]`: the edges that lead to j.
     incoming: Vec<Incoming>,
@@ -103,29 +92,21 @@ impl BridgeGraph {
     /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is
     /// below the cut-off and, if edges need verification, some trajectory led from i to j in about
     /// D steps, for the candidates j nearest to i.
-    pub fn build(
-        spec: &Spec,
-        settings: &BridgeSettings,
-        candidates: &Arc<Candidates>,
-        policy: &dyn Policy,
-        scratch: &mut Scratch,
-    ) -> Self {
+    pub fn build(candidates: &Arc<Candidates>, policy: &dyn Policy, scratch: &mut Scratch) -> Self {
         let (now, never) = (|_| true, Job::default());
-        Self::empty(spec, settings)
+        Self::empty(&candidates.spec, &candidates.settings)
             .renewed(&never, candidates, now, policy, scratch)
             .unwrap_or_else(|| unreachable!("nothing cancels it"))
     }
 
-    /// Returns a graph without candidates.
-    pub fn empty(spec: &Spec, settings: &BridgeSettings) -> Self {
-        let candidates = Arc::new(Candidates::new(spec, 0, settings));
-        Self::from_edges(spec, settings, candidates, Vec::new())
+    pub(crate) fn empty(spec: &Spec, settings: &BridgeSettings) -> Self {
+        Self::from_edges(Arc::new(Candidates::new(spec, 0, settings)), Vec::new())
     }
 
     /// Returns the graph of the current `candidates`: rebuilds the edges from those that are new or
     /// `is_due`, see [`Self::build`]; the others keep their D. Returns `None` once `job` is
     /// cancelled.
-    pub fn renewed(
+    pub(crate) fn renewed(
         &self,
         job: &Job,
         candidates: &Arc<Candidates>,
@@ -134,7 +115,7 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Option<Self> {
         let before = self.candidates();
-        let mut rows = Rows::new(&self.spec, &self.settings, candidates);
+        let mut rows = Rows::new(candidates);
         for from in 0..candidates.len() {
             if job.is_cancelled() {
                 return None;
@@ -150,16 +131,11 @@ impl BridgeGraph {
                 rows.edges.extend(to.and_then(|to| rows.edge(from, to, edge.distance)));
             }
         }
-        Some(Self::from_edges(&self.spec, &self.settings, candidates.clone(), rows.edges))
+        Some(Self::from_edges(candidates.clone(), rows.edges))
     }
 
     /// Builds the graph from `edges`, which are sorted by source.
-    fn from_edges(
-        spec: &Spec,
-        settings: &BridgeSettings,
-        candidates: Arc<Candidates>,
-        edges: Vec<Edge>,
-    ) -> Self {
+    fn from_edges(candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
         let mut first = vec![0u32; candidates.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
@@ -171,12 +147,10 @@ impl BridgeGraph {
         });
         let (incoming, lengths) =
             (incoming.collect(), by_target.iter().map(|edge| edge.length).collect());
-        let (spec, settings) = (spec.clone(), settings.clone());
-        Self { spec, settings, candidates, edges, incoming, first, lengths }
+        Self { candidates, edges, incoming, first, lengths }
     }
 
-    /// Returns the graph as a checkpoint keeps it.
-    pub fn stored(&self) -> StoredGraph {
+    pub(crate) fn stored(&self) -> StoredGraph {
         StoredGraph {
             candidates: self.candidates.clone(),
             from: self.edges.iter().map(|edge| edge.from as u32).collect(),
@@ -185,11 +159,7 @@ impl BridgeGraph {
         }
     }
 
-    /// Restores the graph that [`Self::stored`] returned.
-    ///
-    /// # Errors
-    /// It is not one with these settings.
-    pub fn restored(
+    pub(crate) fn restored(
         spec: &Spec,
         settings: &BridgeSettings,
         stored: StoredGraph,
@@ -197,30 +167,23 @@ impl BridgeGraph {
         let StoredGraph { candidates: own, from, to, distances } = stored;
         let mut candidates = Candidates::new(spec, 0, settings);
         candidates.restore(Arc::unwrap_or_clone(own))?;
-        let misfit =
-            || StoreError::inconsistent("the stored bridge graph does not fit its candidates");
+        let misfit = "the stored bridge graph does not fit its candidates";
         let known = |i: &u32| (*i as usize) < candidates.len();
-        if from.len() != to.len()
-            || from.len() != distances.len()
-            || !from.iter().chain(&to).all(known)
-            || !from.is_sorted()
-        {
-            return Err(misfit());
-        }
-        if !distances.iter().all(|distance| (0.0..f32::INFINITY).contains(distance)) {
-            return Err(StoreError::inconsistent(
-                "the stored bridge graph has edges of impossible length",
-            ));
-        }
-        let rows = Rows::new(spec, settings, &candidates);
+        let fits = [to.len(), distances.len()] == [from.len(); 2]
+            && from.iter().chain(&to).all(known)
+            && from.is_sorted()
+            && distances.iter().all(|distance| (0.0..f32::INFINITY).contains(distance));
+        StoreError::unless(fits, misfit)?;
+        let rows = Rows::new(&candidates);
         let edges = from.iter().zip(&to).zip(&distances).map(|((from, to), distance)| {
-            rows.edge(*from as usize, *to as usize, *distance).ok_or_else(misfit)
+            rows.edge(*from as usize, *to as usize, *distance)
+                .ok_or_else(|| StoreError::inconsistent(misfit))
         });
         let edges = edges.collect::<Result<_, _>>()?;
-        Ok(Self::from_edges(spec, settings, Arc::new(candidates), edges))
+        Ok(Self::from_edges(Arc::new(candidates), edges))
     }
 
-    /// Returns all edges, sorted by source.
+    /// Returns the edges, sorted by source.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
@@ -236,17 +199,9 @@ impl BridgeGraph {
     }
 
     /// Returns candidate `i` as a state, `(state_dim)`.
-    pub fn candidate(&self, i: usize) -> &[f32] {
-        let s = self.spec.state_dim();
+    pub(super) fn candidate(&self, i: usize) -> &[f32] {
+        let s = self.candidates.spec.state_dim();
         &self.candidates.states()[i * s..(i + 1) * s]
-    }
-
-    pub(super) fn settings(&self) -> &BridgeSettings {
-        &self.settings
-    }
-
-    pub(super) fn spec(&self) -> &Spec {
-        &self.spec
     }
 
     /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal
@@ -258,14 +213,12 @@ impl BridgeGraph {
         to: Option<usize>,
         distance: f32,
     ) -> Option<Link> {
-        Link::new(&self.settings, &self.candidates, from?, to?, distance)
+        Link::new(&self.candidates, from?, to?, distance)
     }
 }
 
 /// The edges of a graph under construction, from one candidate after the other.
 struct Rows<'a> {
-    spec: &'a Spec,
-    settings: &'a BridgeSettings,
     candidates: &'a Candidates,
     /// Overhead of passing a waypoint, in steps.
     hop: f32,
@@ -278,11 +231,10 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    fn new(spec: &'a Spec, settings: &'a BridgeSettings, candidates: &'a Candidates) -> Self {
+    fn new(candidates: &'a Candidates) -> Self {
+        let Candidates { spec, settings, .. } = candidates;
         let verified = settings.verify_edges && settings.keep_observed_edges;
         Self {
-            spec,
-            settings,
             candidates,
             hop: settings.hop_steps_in(spec),
             observed_into: if verified { candidates.observed_into() } else { Vec::new() },
@@ -293,9 +245,8 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Adds the edges from candidate `from`.
     fn add(&mut self, from: usize, policy: &dyn Policy, scratch: &mut Scratch) {
-        let (s, to) = (self.spec.state_dim(), self.nearest(from));
+        let (s, to) = (self.candidates.spec.state_dim(), self.nearest(from));
         let state = &self.candidates.states()[from * s..(from + 1) * s];
         self.states.clear();
         self.goals.clear();
@@ -314,8 +265,8 @@ impl<'a> Rows<'a> {
     /// Returns the candidates to which there may be an edge from `from`, in ascending order: where
     /// edges need verification, those with the shortest observed paths.
     fn nearest(&self, from: usize) -> Vec<usize> {
-        let Self { settings, candidates, .. } = self;
-        if !settings.verify_edges {
+        let candidates = self.candidates;
+        if !candidates.settings.verify_edges {
             let index = candidates.goal_index();
             let near = index.nearest_few(index.goal(from), LINK_CANDIDATES);
             return near.into_iter().filter(|to| *to != from).collect();
@@ -334,11 +285,9 @@ impl<'a> Rows<'a> {
         near
     }
 
-    /// Returns the edge between two candidates that is `distance` steps long by D, if it may be
-    /// used.
     fn edge(&self, from: usize, to: usize, distance: f32) -> Option<Edge> {
-        let Self { settings, candidates, .. } = self;
-        let Link { length, cost } = Link::new(settings, candidates, from, to, distance)?;
+        let candidates = self.candidates;
+        let Link { length, cost } = Link::new(candidates, from, to, distance)?;
         let status = EdgeStatus::from(candidates.walk_record(from, to));
         let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
         let (length, cost) = (length + self.hop, cost + self.hop);
@@ -365,7 +314,6 @@ pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
 /// A connection between two places that plans may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Link {
-    /// Expected length in steps.
     pub length: f32,
     /// Planning cost in steps: higher where the length is uncertain, or where hops of this length
     /// often fail.
@@ -375,13 +323,8 @@ pub(super) struct Link {
 impl Link {
     /// Returns the link from near candidate `from` to near candidate `to` that is `distance` steps
     /// long by D; `None` if it may not be used.
-    fn new(
-        settings: &BridgeSettings,
-        candidates: &Candidates,
-        from: usize,
-        to: usize,
-        distance: f32,
-    ) -> Option<Self> {
+    fn new(candidates: &Candidates, from: usize, to: usize, distance: f32) -> Option<Self> {
+        let settings = &candidates.settings;
         let observed = candidates.observed(from, to);
         let delay = candidates.hops().failures(distance) * late_after(distance);
         let verified = observed != UNOBSERVED
@@ -415,27 +358,25 @@ mod tests {
         Edge { from, to, distance: cost, length: cost, cost, status: EdgeStatus::Untried }
     }
 
-    /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
     fn row(cost: f32) -> BridgeGraph {
         let (spec, settings, candidates) = walked(20, 29.5);
         let length = 3.0 + settings.hop_steps_in(&spec);
         let edges = (1..candidates.len())
             .map(|to| Edge { distance: 3.0, length, ..edge(to - 1, to, cost) })
             .collect();
-        BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
+        BridgeGraph::from_edges(candidates.frozen(), edges)
     }
 
-    /// Returns the first two candidates of a walk from left to right, and the settings.
-    fn one_way() -> (Candidates, BridgeSettings) {
-        let (_, settings, candidates) = walked(20, 3.5);
+    fn one_way() -> Candidates {
+        let (.., candidates) = walked(20, 3.5);
         assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));
-        (candidates, settings)
+        candidates
     }
 
     #[test]
     fn ways_that_only_trajectories_support_cost_more_and_the_way_back_most() {
-        let (candidates, settings) = one_way();
-        let link = |from, to, distance| Link::new(&settings, &candidates, from, to, distance);
+        let mut candidates = one_way();
+        let link = |from, to, distance| Link::new(&candidates, from, to, distance);
         let known = |length, cost| Some(Link { length, cost });
         assert_eq!(link(0, 1, 2.0), known(2.0, 2.0), "D and a trajectory agree");
         assert_eq!(link(0, 1, 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
@@ -445,69 +386,25 @@ mod tests {
             known(3.0, 3.0 + REVERSED_PENALTY_STEPS),
             "the other way alone"
         );
-        let strict = BridgeSettings { keep_observed_edges: false, ..settings.clone() };
-        assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, 0, 1, d)), [None; 2]);
-        assert_eq!(Link::new(&strict, &candidates, 1, 0, 2.0), None);
-        let unverified = BridgeSettings { verify_edges: false, ..strict };
-        assert_eq!(Link::new(&unverified, &candidates, 1, 0, 2.0), known(2.0, 2.0));
+        candidates.settings.keep_observed_edges = false;
+        let link = |from, to, distance| Link::new(&candidates, from, to, distance);
+        assert_eq!([link(0, 1, 0.5), link(0, 1, 50.0), link(1, 0, 2.0)], [None; 3]);
+        candidates.settings.verify_edges = false;
+        assert_eq!(Link::new(&candidates, 1, 0, 2.0), known(2.0, 2.0));
     }
 
     #[test]
     fn hops_of_lengths_that_often_fail_cost_the_delay_to_be_expected() {
-        let (mut candidates, settings) = one_way();
+        let mut candidates = one_way();
         let [from, to] = [0, 1].map(|i| candidates.id(i));
         for arrived in [true, false, false, false] {
             candidates.record_walk(from, to, 4.5, arrived);
         }
-        let link = |distance| Link::new(&settings, &candidates, 0, 1, distance).expect("a link");
+        let link = |distance| Link::new(&candidates, 0, 1, distance).expect("a link");
         let failures = candidates.hops().failures(4.5);
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * late_after(4.5));
         assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "nor for other lengths");
-    }
-
-    #[test]
-    fn a_graph_is_restored_and_what_does_not_fit_is_refused() {
-        let (spec, settings, mut candidates) = walked(20, 29.5);
-        for arrived in [true, false, false, false] {
-            candidates.record_walk(candidates.id(0), candidates.id(1), 2.5, arrived);
-        }
-        let frozen = candidates.frozen();
-        let rows = Rows::new(&spec, &settings, &frozen);
-        let edges: Vec<Edge> = (1..frozen.len())
-            .flat_map(|i| [rows.edge(i - 1, i, 2.5), rows.edge(i - 1, i, 40.0)])
-            .flatten()
-            .collect();
-        assert!(edges.len() > 20 && edges[0].status == EdgeStatus::Demoted, "{edges:?}");
-        let graph = BridgeGraph::from_edges(&spec, &settings, frozen, edges);
-        let of = |stored: StoredGraph| BridgeGraph::restored(&spec, &settings, stored);
-        assert_eq!(of(graph.stored()).expect("its own").edges(), graph.edges());
-        let changes: [fn(&mut StoredGraph); 6] = [
-            |stored| stored.to[0] = 999,
-            |stored| stored.from.swap(0, 5),
-            |stored| stored.distances.clear(),
-            |stored| stored.distances[0] = f32::NAN,
-            |stored| stored.distances[0] = -1.0,
-            // Nothing has been observed.
-            |stored| (stored.from[0], stored.to[0]) = (0, 12),
-        ];
-        for (i, change) in changes.into_iter().enumerate() {
-            let mut stored = graph.stored();
-            change(&mut stored);
-            assert!(of(stored).is_err(), "{i}");
-        }
-    }
-
-    #[test]
-    fn routes_along_a_row_add_up_whatever_their_costs_and_edges_are_directed() {
-        for cost in [3.0, 4e6] {
-            let graph = row(cost);
-            let last = graph.candidates().len() - 1;
-            let route = graph.route_to_candidate(last);
-            assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
-            assert!((route.costs[0] / cost - last as f32).abs() < 0.5, "{:?}", route.costs);
-            assert!(graph.route_to_candidate(0).costs[1..].iter().all(|s| s.is_infinite()));
-        }
     }
 
     #[test]
@@ -524,8 +421,7 @@ mod tests {
                     edges.push(edge(from, to, rng.random_range(1..5) as f32));
                 }
             }
-            let graph =
-                BridgeGraph::from_edges(&line.spec, &line.settings, line.candidates.clone(), edges);
+            let graph = BridgeGraph::from_edges(line.candidates.clone(), edges);
             let back = |to: &usize| {
                 let incoming = graph.edges().iter().filter(|edge| edge.to == *to);
                 incoming.map(|edge| (edge.from, edge.cost as u64)).collect::<Vec<_>>()

@@ -27,7 +27,6 @@ pub const SEARCH_BUDGET: usize = 64;
 pub(super) const LATE_FACTOR: f32 = 1.5;
 pub(super) const LATE_SLACK_STEPS: f32 = 6.0;
 
-/// Steps for which a late waypoint is banned; more if the agent is stuck.
 pub(super) const BAN_STEPS: u32 = 60;
 
 /// The automatic overhead of a waypoint is the steps that a goal radius takes, as D to it ends there,
@@ -40,7 +39,6 @@ const LEAST_HOP_STEPS: f32 = 0.4;
 /// ... and at most this share of the longest edge.
 const MOST_HOP_SHARE: f32 = 0.5;
 
-/// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Planner {
     /// No planning: the actor heads straight for the goal.
@@ -52,10 +50,8 @@ pub enum Planner {
 }
 
 impl Planner {
-    /// All planners.
     pub const ALL: [Self; 3] = [Self::None, Self::Bridges, Self::Sorb];
 
-    /// Returns its name on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -64,7 +60,6 @@ impl Planner {
         }
     }
 
-    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::None => "the actor heads straight for the goal",
@@ -75,9 +70,8 @@ impl Planner {
 }
 
 settings! {
-    /// Settings of bridge candidates, edges, search and planning.
     pub struct BridgeSettings {
-        Exploration {
+        exploration {
             /// Method gdg-bridge only.
             bridge_epsilon: f32 = 0.2;
                 "probability that an episode that begins without an excursion has a bridge point \
@@ -96,7 +90,7 @@ settings! {
                 values: Values::measure("a share", 0.0, 1.0).or_auto(),
                 ablation: without("no excursions", "0");
         }
-        Bridges {
+        bridges {
             candidates: usize = 1_200, Paper => 600;
                 "target number of bridge candidates; up to eight times as many between thin walls, \
                  on large maps and where many walks between them fail (three times without \
@@ -117,9 +111,9 @@ settings! {
                 ablation: without("no edges from trajectories alone", "false");
             graph_every_updates: u64 = 1_000;
                 "updates between builds of the bridge graph",
-                values: Values::count_from(1), unit: "updates";
+                values: Values::count(1, u64::MAX), unit: "updates";
         }
-        Planning {
+        planning {
             /// D ends a goal radius before its goal, short of where the next hop starts. Distances
             /// of the rivals are less exact.
             hop_steps: Auto<f32> = Auto::AUTO, Paper => Auto::Given(0.0),
@@ -145,49 +139,25 @@ settings! {
 }
 
 impl BridgeSettings {
-    /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019,
-    /// algorithm 1 and section 3): edges wherever D is below the cut-off, one plan at the start.
     #[must_use]
-    fn sorb(&self) -> Self {
-        Self {
-            verify_edges: false,
-            keep_observed_edges: false,
-            progress_check: false,
-            open_loop: true,
-            hop_steps: Auto::Given(0.0),
-            planned_episodes: 0.0,
-            bridge_epsilon: 0.0,
-            lookahead: false,
-            frontier_epsilon: Auto::Given(self.frontier_epsilon.given().unwrap_or(0.0)),
-            ..self.clone()
-        }
-    }
-
-    /// Returns the settings as `planner` uses them.
-    #[must_use]
-    pub fn for_planner(&self, planner: Planner) -> Self {
+    pub(crate) fn for_planner(&self, planner: Planner) -> Self {
         match planner {
-            Planner::Sorb => self.sorb(),
             Planner::None | Planner::Bridges => self.clone(),
+            // Plans on the same candidates as SoRB does (Eysenbach et al. 2019, algorithm 1 and
+            // section 3): edges wherever D is below the cut-off, one plan at the start.
+            Planner::Sorb => Self {
+                verify_edges: false,
+                keep_observed_edges: false,
+                progress_check: false,
+                open_loop: true,
+                hop_steps: Auto::Given(0.0),
+                planned_episodes: 0.0,
+                bridge_epsilon: 0.0,
+                lookahead: false,
+                frontier_epsilon: Auto::Given(self.frontier_epsilon.given().unwrap_or(0.0)),
+                ..self.clone()
+            },
         }
-    }
-
-    /// Whether bridge candidates are the same with these settings as with `other`: compares all
-    /// that [`super::Candidates::new`] reads.
-    pub(crate) fn makes_same_candidates(&self, other: &Self) -> bool {
-        let read =
-            |s: &Self| (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges);
-        read(self) == read(other)
-    }
-
-    /// Returns the share of steps to spend on excursions beyond the frontier, given whether any
-    /// action is left to try.
-    pub fn frontier_share(&self, has_frontier: bool) -> f32 {
-        self.frontier_epsilon.given().unwrap_or(if has_frontier {
-            FRONTIER_SHARE
-        } else {
-            EXPLORED_SHARE
-        })
     }
 
     /// Returns the overhead of passing a waypoint in a world of `spec`, in steps.
@@ -198,7 +168,6 @@ impl BridgeSettings {
         self.hop_steps.given().unwrap_or(automatic)
     }
 
-    /// Returns the maximum number of candidates.
     pub fn max_candidates(&self) -> usize {
         let factor = if self.verify_edges { MAX_FACTOR } else { MAX_UNVERIFIED_FACTOR };
         factor * self.candidates
@@ -211,7 +180,6 @@ impl BridgeSettings {
     }
 }
 
-/// Returns the steps after which a waypoint `distance` steps away by D is late.
 pub(super) fn late_after(distance: f32) -> f32 {
     LATE_FACTOR * distance + LATE_SLACK_STEPS
 }

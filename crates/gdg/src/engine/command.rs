@@ -1,5 +1,6 @@
 //! Commands from a front end to an engine, and their execution.
 
+use std::error::Error;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,35 +12,27 @@ use crate::files;
 use crate::job::Job;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
-    self, CheckpointError, Dataset, Limits, Notes, Run, SaveTo, TrainError, Trainer, list_settings,
-    memory,
+    self, Dataset, Limits, Notes, Run, SaveTo, TrainError, Trainer, list_settings, memory,
 };
 
-/// Number of autosaved checkpoints to keep.
 const MAX_AUTOSAVES: usize = 3;
 
-/// Maximum number of settings that a notice of a change names.
 const MAX_NAMED_CHANGES: usize = 3;
 
 /// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
 pub type MakeWorld =
     Box<dyn FnOnce(&dyn Environment) -> Result<Box<dyn Environment>, EnvError> + Send>;
 
-/// A command from a front end.
 pub enum Command {
-    /// Pause training until it is resumed.
     Pause,
     /// Resume training; lifts the limits if they have been reached.
     Resume,
-    /// Do one step and pause.
     Step(Step),
     /// Limit the updates per second; `None` removes the limit.
     LimitSpeed(Option<f64>),
-    /// Evaluate the current networks now.
     Evaluate,
     /// Pause after each evaluation for this many times its duration.
     PauseEvaluations(u32),
-    /// Follow this agent, or none.
     Follow(Option<usize>),
     /// Save a checkpoint with what the front end keeps in it.
     Save(SaveTo, Notes),
@@ -50,25 +43,11 @@ pub enum Command {
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the
     /// networks.
     Change(Box<Run>),
-    /// Start a new run, possibly in another world.
     StartRun(Box<Run>, MakeWorld),
-    /// Load a checkpoint and continue its run.
     Load(PathBuf),
 }
 
-/// Why a command failed.
-#[derive(Debug, thiserror::Error)]
-enum CommandError {
-    /// An error from the trainer.
-    #[error(transparent)]
-    Train(#[from] TrainError),
-    /// A checkpoint could not be written.
-    #[error("{} ({})", .0.problem, .0.file.display())]
-    NotSaved(CheckpointError),
-    /// A checkpoint could not be loaded.
-    #[error("not loaded: {} {}; {}", .0.file.file_name().unwrap_or_default().to_string_lossy(), .0.problem, .0.help)]
-    NotLoaded(CheckpointError),
-}
+type Outcome = Result<String, Box<dyn Error>>;
 
 /// Parts of starting a run: its world is made, then its trainer, data are learned from, and its
 /// state is captured.
@@ -84,8 +63,6 @@ fn without_autosave_suffix(stem: &str) -> &str {
     }
 }
 
-/// Describes what differs between two runs: method, preset, and settings with their old and new
-/// values.
 fn changes(before: &Run, after: &Run) -> String {
     let (old, new) = (list_settings(&before.settings), list_settings(&after.settings));
     let settings = old.iter().zip(&new).filter(|(old, new)| old != new);
@@ -100,7 +77,6 @@ fn changes(before: &Run, after: &Run) -> String {
     if all.is_empty() { "changed".to_owned() } else { all.join(", ") }
 }
 
-/// Describes a command, to follow "waiting for".
 fn activity(command: &Command) -> &'static str {
     match command {
         Command::Save(..) | Command::Autosave(..) => "saving",
@@ -112,13 +88,7 @@ fn activity(command: &Command) -> &'static str {
 }
 
 impl Worker {
-    /// Continues in an edited world and returns a notice for the user, which begins with what was
-    /// `done`.
-    fn change_world(
-        &mut self,
-        world: &dyn Environment,
-        done: &str,
-    ) -> Result<String, CommandError> {
+    fn change_world(&mut self, world: &dyn Environment, done: &str) -> Outcome {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
         self.current.edits = Arc::new(self.trainer.history().edits().to_vec());
@@ -135,8 +105,7 @@ impl Worker {
         Ok(format!("{done}{}{removed}{warning}", change.summary))
     }
 
-    /// Continues with other settings and returns a notice that says what was kept.
-    fn change(&mut self, run: Run) -> Result<String, CommandError> {
+    fn change(&mut self, run: Run) -> Outcome {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let what = changes(self.trainer.run(), &run);
         let kept = self.trainer.change_run(run)?;
@@ -163,17 +132,11 @@ impl Worker {
         Ok(what + then)
     }
 
-    /// Switches to another run.
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         (self.trainer, self.session) = (trainer, session());
         self.trainer.set_job(self.job.clone());
-        (
-            self.evaluation,
-            self.next_evaluation_at,
-            self.next_update_at,
-            self.follow,
-            self.new_file,
-        ) = (None, None, None, None, None);
+        (self.evaluation, self.next_evaluation_at, self.next_update_at) = (None, None, None);
+        (self.follow, self.new_file) = (None, None);
         self.autosaved.clear();
         self.current = Snapshot {
             generation: self.current.generation + 1,
@@ -184,8 +147,7 @@ impl Worker {
         self.refresh_snapshot(true)
     }
 
-    /// Saves a checkpoint and returns a notice for the user.
-    fn save(&mut self, to: SaveTo, notes: Notes) -> Result<String, CommandError> {
+    fn save(&mut self, to: SaveTo, notes: Notes) -> Outcome {
         // The front end may not know yet which file its previous save went to.
         let to = match (&self.new_file, to) {
             (Some((requested, written_to)), SaveTo::CreateNew(path)) if *requested == path => {
@@ -197,12 +159,9 @@ impl Worker {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
-        let why = if to.path() == path {
-            String::new()
-        } else {
-            format!(" ({} {})", to.path().display(), to.obstacle())
-        };
-        let text = self.saved_text("saved", &path, &why);
+        let why = format!(" ({} {})", to.path().display(), to.obstacle());
+        let why = if to.path() == path { "" } else { &why };
+        let text = self.saved_text("saved", &path, why);
         if let SaveTo::CreateNew(requested) = to {
             self.new_file = Some((requested, path.clone()));
         }
@@ -212,7 +171,7 @@ impl Worker {
     }
 
     /// Saves a checkpoint in addition to those requested by the user.
-    fn autosave(&mut self, named_after: &Path, notes: Notes) -> Result<String, CommandError> {
+    fn autosave(&mut self, named_after: &Path, notes: Notes) -> Outcome {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let stem = without_autosave_suffix(&stem);
         let updates = self.trainer.counters().updates;
@@ -232,23 +191,23 @@ impl Worker {
         Ok(text)
     }
 
-    fn write(&mut self, to: &SaveTo, notes: Notes) -> Result<PathBuf, CommandError> {
+    fn write(&mut self, to: &SaveTo, notes: Notes) -> Result<PathBuf, Box<dyn Error>> {
         // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
-        self.report_recovery();
+        self.trainer.take_recovery().into_iter().for_each(|recovery| self.on_recovery(recovery));
         self.trainer.set_notes(notes);
-        let path = train::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
+        let path = train::save(&self.trainer, to)
+            .map_err(|e| format!("{} ({})", e.problem, e.file.display()))?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());
         }
         Ok(path)
     }
 
-    /// Returns a notice about a checkpoint, with what the world and recorded data warn of.
     fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
-        let all = std::iter::once(saved).chain(self.trainer.take_warnings());
+        let all = std::iter::once(saved).chain(self.trainer.world().take_warnings());
         all.collect::<Vec<_>>().join("; ")
     }
 
@@ -256,117 +215,108 @@ impl Worker {
     pub(super) fn execute(&mut self, command: Command) {
         let _activity = self.job.part(activity(&command));
         let saves = matches!(command, Command::Save(..));
-        if catch_unwind(AssertUnwindSafe(|| self.execute_unguarded(command))).is_err() {
-            self.repair("a command");
-            if saves {
-                let text = "saving failed with an internal error".to_owned();
-                self.current.save_failed = (self.current.save_failed.0 + 1, text);
+        match catch_unwind(AssertUnwindSafe(|| self.outcome(command))) {
+            Ok(Ok(Some(text))) => self.notify(sanitized(&text)),
+            Ok(Ok(None)) => {}
+            Ok(Err(error)) => self.report(sanitized(&error.to_string())),
+            Err(_) => {
+                self.repair("a command");
+                if saves {
+                    let text = "saving failed with an internal error".to_owned();
+                    self.current.save_failed = (self.current.save_failed.0 + 1, text);
+                }
             }
-            self.publish();
         }
+        self.publish();
     }
 
-    fn execute_unguarded(&mut self, command: Command) {
-        let outcome = match command {
+    fn outcome(&mut self, command: Command) -> Result<Option<String>, Box<dyn Error>> {
+        let text = match command {
             Command::Pause if self.current.phase.is_training() => {
                 self.current.phase = Phase::Paused;
-                self.refresh_snapshot(true).map(|()| None).map_err(CommandError::Train)
+                self.refresh_snapshot(true)?;
+                return Ok(None);
             }
             Command::Resume if !self.current.phase.is_training() => {
                 if self.current.phase == Phase::Done {
                     self.current.limits = Limits::default();
                 }
                 self.current.phase = Phase::Running;
-                Ok(None)
+                return Ok(None);
             }
             Command::Step(step) if self.current.phase == Phase::Paused => {
                 self.current.phase = Phase::Stepping(step);
-                Ok(None)
+                return Ok(None);
             }
             Command::Step(_) if self.current.phase == Phase::Done => {
-                Ok(Some("no step: the limit is reached".to_owned()))
+                "no step: the limit is reached".to_owned()
             }
             Command::Step(_) if !self.current.phase.is_training() => {
-                Ok(Some("no step: training has stopped".to_owned()))
+                "no step: training has stopped".to_owned()
             }
-            Command::Pause | Command::Resume | Command::Step(_) => Ok(None),
+            Command::Pause | Command::Resume | Command::Step(_) => return Ok(None),
             Command::LimitSpeed(speed) => {
                 (self.current.speed, self.next_update_at) = (speed.filter(|s| *s > 0.0), None);
-                Ok(None)
+                return Ok(None);
             }
             Command::PauseEvaluations(factor) => {
                 self.evaluation_pause = factor;
-                Ok(None)
+                return Ok(None);
             }
-            Command::Evaluate => match self.start_evaluation() {
-                Ok(true) => Ok(Some("evaluating ...".to_owned())),
-                Ok(false) => Ok(Some("an evaluation is already running".to_owned())),
-                Err(error) => Err(CommandError::Train(error)),
-            },
+            Command::Evaluate if self.start_evaluation()? => "evaluating ...".to_owned(),
+            Command::Evaluate => "an evaluation is already running".to_owned(),
             Command::Follow(agent) => {
                 self.follow = agent;
-                self.refresh_snapshot(false).map(|()| None).map_err(CommandError::Train)
+                self.refresh_snapshot(false)?;
+                return Ok(None);
             }
-            Command::Save(to, notes) => self.save(to, notes).map(Some),
-            Command::Autosave(named_after, notes) => self.autosave(&named_after, notes).map(Some),
+            Command::Save(to, notes) => self.save(to, notes)?,
+            Command::Autosave(named_after, notes) => self.autosave(&named_after, notes)?,
             Command::ChangeWorld(make, done) => {
-                let edited = make(self.trainer.world()).map_err(TrainError::from);
-                edited
-                    .map_err(Into::into)
-                    .and_then(|world| self.change_world(&*world, done))
-                    .map(Some)
+                let world = make(self.trainer.world())?;
+                self.change_world(&*world, done)?
             }
-            Command::Change(run) => self.change(*run).map(Some),
+            Command::Change(run) => self.change(*run)?,
             Command::StartRun(run, make) => {
                 self.opening().begin(0, START_STAGES);
-                let made = make(self.trainer.world()).map_err(TrainError::from);
-                made.map_err(Into::into).and_then(|world| self.start_run(*run, &*world)).map(Some)
+                let world = make(self.trainer.world())?;
+                self.start_run(*run, &*world)?
             }
-            Command::Load(path) => self.load(path).map(Some),
+            Command::Load(path) => self.load(path)?,
         };
-        match outcome {
-            Ok(Some(text)) => self.notify(sanitized(&text)),
-            Err(error) => self.report(sanitized(&error.to_string())),
-            Ok(None) => {}
-        }
-        self.publish();
+        Ok(Some(text))
     }
 
-    /// Starts a new run.
-    fn start_run(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
+    fn start_run(&mut self, run: Run, world: &dyn Environment) -> Outcome {
         let progress = self.opening();
-        let begin = || {
-            progress.begin(1, START_STAGES);
-            let registry = self.trainer.registry();
-            memory::check(&run, world, registry)?;
-            let mut trainer = Trainer::new(run, world, registry, self.trainer.threads())?;
-            // The same world is learned from the same data.
-            if let Some(data) = self.trainer.data()
-                && trainer.world().title() == self.trainer.world().title()
-            {
-                let world = trainer.world();
-                let data = Dataset::reread(data, registry.data(), world, &progress)?;
-                progress.begin(2, START_STAGES);
-                trainer.learn_from(&data, &progress);
-            }
-            Ok::<_, TrainError>(trainer)
-        };
-        let trainer = begin()?;
+        progress.begin(1, START_STAGES);
+        let registry = self.trainer.registry();
+        memory::check(&run, world, registry)?;
+        let mut trainer = Trainer::new(run, world, registry, self.trainer.threads())?;
+        // The same world is learned from the same data.
+        if let Some(data) = self.trainer.data()
+            && trainer.world().title() == self.trainer.world().title()
+        {
+            let data = Dataset::reread(data, registry.data(), trainer.world(), &progress)?;
+            progress.begin(2, START_STAGES);
+            trainer.learn_from(&data, &progress);
+        }
         progress.begin(3, START_STAGES);
         self.switch_to(trainer)?;
         Ok("started a new run".to_owned())
     }
 
-    /// Returns how far the opening of a run is, to be told.
     fn opening(&self) -> Job {
         self.job.latest_part().unwrap_or_default()
     }
 
-    fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {
+    fn load(&mut self, path: PathBuf) -> Outcome {
         let progress = self.opening();
         let (registry, threads) = (self.trainer.registry(), self.trainer.threads());
         let loaded = train::load_with(&path, registry, threads, &progress);
-        let trainer = loaded.map_err(CommandError::NotLoaded)?;
+        let name = || path.file_name().unwrap_or_default().to_string_lossy();
+        let trainer =
+            loaded.map_err(|e| format!("not loaded: {} {}; {}", name(), e.problem, e.help))?;
         let phase = self.current.phase.clone();
         self.switch_to(trainer)?;
         if !phase.is_training() {

@@ -1,51 +1,43 @@
-//! Snapshots that an engine publishes for its front end.
+//! Snapshots that an engine publishes for its front end, and when.
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use super::EVALUATE_EVERY_UPDATES;
+use super::{EVALUATE_EVERY_UPDATES, Worker};
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::job::Job;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::{
-    Counters, CurvePoint, DataSource, Evaluation, FilmFrame, Limits, Methods, Notes, Registry,
-    Rollout, Run, TrainError, Trainer,
+    Counters, CurvePoint, DataSource, Evaluation, FilmFrame, Limits, Methods, Notes, Registry, Run,
+    TrainError, Trainer,
 };
 
-/// How far to go before pausing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// One update.
     Update,
-    /// Until an episode ends.
     Episode,
 }
 
 /// What the trainer is doing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Training.
     Running,
     /// Training until the end of a step.
     Stepping(Step),
-    /// Waiting to be resumed.
     Paused,
-    /// A limit was reached.
     Done,
     /// Stopped by an error.
     Failed(String),
 }
 
 impl Phase {
-    /// Whether training is running.
     pub fn is_training(&self) -> bool {
         matches!(self, Self::Running | Self::Stepping(_))
     }
 }
 
-/// When the next evaluation comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NextEvaluation {
     /// It has been running since then.
@@ -56,49 +48,43 @@ pub enum NextEvaluation {
     InSeconds(u64),
 }
 
-/// A message for the user.
+impl NextEvaluation {
+    pub(super) fn after(trainer: &Trainer) -> Self {
+        let every = EVALUATE_EVERY_UPDATES;
+        Self::AtUpdate((trainer.counters().updates / every + 1) * every)
+    }
+}
+
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Notice {
     /// The number of notices so far, including this one.
     pub number: u64,
-    /// The text.
     pub text: String,
-    /// Whether something went wrong.
     pub is_error: bool,
 }
 
-/// The state of a run at one moment.
 #[derive(Clone)]
 pub struct Snapshot {
-    /// Definition of the run.
     pub run: Arc<Run>,
     /// Index of the run on this engine: curves of different runs must not be joined.
     pub generation: u64,
-    /// Title of the world.
     pub title: Arc<str>,
     /// Drawable contents of the world, updated with the networks.
     pub scene: Scene,
-    /// The worlds and learners that the run may be changed to.
     pub registry: Arc<Registry>,
     /// Default settings of worlds of this kind, as `name=value`.
     pub world_defaults: &'static [&'static str],
-    /// What the trainer is doing.
     pub phase: Phase,
-    /// Progress of the run.
     pub counters: Counters,
-    /// Limits of the run.
     pub limits: Limits,
     /// Training time, in seconds.
     pub seconds: f64,
     /// Estimated seconds until a limit is reached, if that can be told.
     pub seconds_left: Option<f64>,
-    /// Recent updates and environment steps per second.
     pub rates: (f64, f64),
     /// Maximum updates per second, if limited.
     pub speed: Option<f64>,
-    /// Time per training stage.
     pub profile: Profile,
-    /// Running means of the losses.
     pub losses: Losses,
     /// Replay buffer slots: used and total.
     pub replay: (usize, usize),
@@ -110,13 +96,9 @@ pub struct Snapshot {
     pub trails: Arc<Vec<Vec<f32>>>,
     /// Places at the frontier that agents are heading for, `(goals, goal_dim)`.
     pub frontier_goals: Arc<Vec<f32>>,
-    /// State of the followed agent.
     pub followed: Option<Arc<FollowedAgent>>,
-    /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
-    /// The latest bridge search.
     pub search: Option<Arc<SearchOutcome>>,
-    /// Losses and coverage over time.
     pub curve: Arc<Vec<CurvePoint>>,
     /// The film of how distance was learned, oldest frame first.
     pub film: Arc<Vec<Arc<FilmFrame>>>,
@@ -126,7 +108,6 @@ pub struct Snapshot {
     pub methods: Methods,
     /// Updates after which the world was edited, in order.
     pub edits: Arc<Vec<u64>>,
-    /// Whether the current method's learner learns.
     pub learns: bool,
     /// What a front end kept in the checkpoint that the run was loaded from.
     pub notes: Arc<Notes>,
@@ -134,41 +115,32 @@ pub struct Snapshot {
     pub saved: Option<(u64, Arc<PathBuf>)>,
     /// Seconds of training at which it was saved or loaded; 0 for a run that has not been.
     pub saved_seconds: f64,
-    /// Number of failed saves, and the latest reason.
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
-    /// When the next evaluation comes.
     pub next_evaluation: NextEvaluation,
     /// How far the latest evaluation is.
     pub evaluation_progress: Job,
-    /// The latest notice.
     pub notice: Notice,
 }
 
-/// The learned networks and the bridge candidates.
 pub struct Networks {
     /// D and mu.
     pub policy: Arc<dyn Policy>,
-    /// Candidates and observed paths between them.
     pub candidates: Arc<Candidates>,
 }
 
 impl Networks {
-    /// Copies the current networks and candidates of `trainer`.
     pub(super) fn capture(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
         Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
 }
 
-/// An exploring agent in its current episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowedAgent {
-    /// Index of the agent.
     pub agent: usize,
     /// First state of its episode that the replay buffer still holds, `(state_dim)`.
     pub start: Vec<f32>,
-    /// Current state, `(state_dim)`.
     pub state: Vec<f32>,
     /// Steps of its episode so far, and at most.
     pub steps: (u32, u32),
@@ -178,40 +150,13 @@ pub struct FollowedAgent {
     pub goal: Vec<f32>,
     /// D to both, in steps.
     pub distances: (f32, f32),
-    /// Whether it follows a plan through the bridge graph.
     pub planned: bool,
-}
-
-/// Returns the smallest multiple of `of` above `n`.
-pub(super) fn next_multiple(n: u64, of: u64) -> u64 {
-    (n / of + 1) * of
-}
-
-/// Returns the states of acting agents.
-pub(super) fn agents(trainer: &Trainer) -> Vec<f32> {
-    if trainer.acts() { trainer.world().states().to_vec() } else { Vec::new() }
-}
-
-/// Returns the data that the run learns from, while agents do not act.
-pub(super) fn data(trainer: &Trainer) -> Option<Arc<DataSource>> {
-    trainer.data().filter(|_| !trainer.acts()).cloned().map(Arc::new)
-}
-
-/// Returns the places at the frontier that agents are heading for, concatenated.
-pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
-    let excursions = rollout.excursions();
-    Arc::new(
-        (0..rollout.agents().len()).filter_map(|i| excursions.destination(i)).flatten().collect(),
-    )
 }
 
 impl Snapshot {
     /// Captures the current state of `trainer`, as if training had just started.
-    ///
-    /// # Errors
-    /// The learner fails.
     pub fn capture(trainer: &Trainer) -> Result<Self, TrainError> {
-        Ok(Self {
+        let mut snapshot = Self {
             run: Arc::new(trainer.run().clone()),
             generation: 0,
             title: trainer.world().title().into(),
@@ -222,24 +167,24 @@ impl Snapshot {
                 .world(trainer.world().kind())
                 .map_or(&[], |kind| kind.defaults),
             phase: Phase::Running,
-            counters: trainer.counters(),
+            counters: Counters::default(),
             limits: Limits::default(),
-            seconds: trainer.seconds(),
+            seconds: 0.0,
             seconds_left: None,
             rates: (0.0, 0.0),
             speed: None,
-            profile: *trainer.profile(),
-            losses: trainer.losses(),
+            profile: Profile::default(),
+            losses: Losses::default(),
             replay: (trainer.replay().len(), trainer.replay().capacity()),
-            agents: Arc::new(agents(trainer)),
-            data: data(trainer),
+            agents: Arc::default(),
+            data: None,
             trails: Arc::default(),
-            frontier_goals: frontier_goals(trainer.rollout()),
+            frontier_goals: Arc::default(),
             followed: None,
             networks: Networks::capture(trainer)?,
-            search: trainer.last_search().cloned(),
-            curve: trainer.history().points().clone(),
-            film: trainer.film().frames().clone(),
+            search: None,
+            curve: Arc::default(),
+            film: Arc::default(),
             evaluations: trainer.history().evaluations().clone(),
             methods: trainer.history().methods().clone(),
             edits: Arc::new(trainer.history().edits().to_vec()),
@@ -250,12 +195,35 @@ impl Snapshot {
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
             evaluation_progress: Job::default(),
-            next_evaluation: NextEvaluation::AtUpdate(next_multiple(
-                trainer.counters().updates,
-                EVALUATE_EVERY_UPDATES,
-            )),
+            next_evaluation: NextEvaluation::after(trainer),
             notice: Notice::default(),
-        })
+        };
+        snapshot.update(trainer);
+        Ok(snapshot)
+    }
+
+    /// Captures what moves while `trainer` trains, but for what is slow to copy.
+    fn update(&mut self, trainer: &Trainer) {
+        self.counters = trainer.counters();
+        self.seconds = trainer.seconds();
+        self.profile = *trainer.profile();
+        self.losses = trainer.losses();
+        self.curve = trainer.history().points().clone();
+        self.film = trainer.film().frames().clone();
+        self.replay.0 = trainer.replay().len();
+        self.search = trainer.last_search().cloned();
+        let rollout = trainer.rollout();
+        let (acting, excursions) = (rollout.agents().len(), rollout.excursions());
+        let heading = (0..acting).filter_map(|agent| excursions.destination(agent));
+        self.frontier_goals = Arc::new(heading.flatten().collect());
+        let latest = |agent| trainer.replay().latest_states(agent, TRAIL_STATES);
+        let trail = |agent| latest(agent).flatten().copied().collect();
+        (self.data, self.agents, self.trails) = if trainer.acts() {
+            let agents = Arc::new(trainer.world().states().to_vec());
+            (None, agents, Arc::new((0..acting).map(trail).collect()))
+        } else {
+            (trainer.data().cloned().map(Arc::new), Arc::default(), Arc::default())
+        };
     }
 
     /// Returns how many of the first `updates` were done by a learner.
@@ -263,7 +231,6 @@ impl Snapshot {
         self.methods.learned(updates, self.learns)
     }
 
-    /// Returns the updates done by a learner so far.
     pub fn updates(&self) -> u64 {
         self.learned(self.counters.updates)
     }
@@ -295,7 +262,6 @@ impl Snapshot {
         self.autosaves = latest.autosaves.clone();
     }
 
-    /// Whether the world has been edited since an update.
     pub fn is_edited_since(&self, updates: u64) -> bool {
         self.edits.last().is_some_and(|at| *at >= updates)
     }
@@ -326,16 +292,114 @@ impl Snapshot {
         all
     }
 
-    /// Returns the fraction of the world explored so far: the last of [`Self::coverage`].
     pub fn latest_coverage(&self) -> Option<f64> {
-        let point = self
-            .curve
-            .iter()
-            .rev()
-            .find_map(|point| Some((point.updates, f64::from(point.coverage?))));
-        let evaluated =
-            self.evaluations.iter().rev().find_map(|(updates, e)| Some((*updates, e.coverage?)));
-        // At the same update, the evaluation comes last.
-        point.into_iter().chain(evaluated).max_by_key(|(updates, _)| *updates).map(|(_, seen)| seen)
+        self.coverage().last().map(|(_, seen)| *seen)
+    }
+}
+
+pub(super) const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
+
+/// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks
+/// training, so it is limited to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
+const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
+
+const NETWORKS_PAUSE_FACTOR: u32 = 60;
+
+const TRAIL_STATES: usize = 8;
+
+pub struct PublishTimer {
+    pub published: Instant,
+    refresh_networks_at: Instant,
+    /// Training time and counters when rates were last computed.
+    rates_from: (f64, Counters),
+}
+
+impl PublishTimer {
+    pub fn new(trainer: &Trainer) -> Self {
+        let now = Instant::now();
+        let rates_from = (trainer.seconds(), trainer.counters());
+        Self { published: now, refresh_networks_at: now, rates_from }
+    }
+}
+
+/// Returns the estimated seconds until a limit is reached, with at most so many updates per second.
+fn seconds_left(trainer: &Trainer, limits: &Limits, at_most: Option<f64>) -> Option<f64> {
+    let pace = trainer.pace();
+    // Time spent waiting is none of training.
+    let per_second = pace.per_second(|counters| counters.updates);
+    let slowed = per_second.zip(at_most).map_or(1.0, |(own, most)| (own / most).max(1.0));
+    Some(slowed * pace.seconds_left(limits)?)
+}
+
+impl Worker {
+    pub(super) fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
+        timer.published = Instant::now();
+        let networks = timer.published >= timer.refresh_networks_at;
+        let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
+        let (since, before) = timer.rates_from;
+        if seconds < since || counters.updates < before.updates {
+            timer.rates_from = (seconds, counters);
+        } else if seconds - since > 1.0 {
+            let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - since);
+            self.current.rates = (
+                per_second(counters.updates, before.updates),
+                per_second(counters.env_steps, before.env_steps),
+            );
+            timer.rates_from = (seconds, counters);
+        }
+        self.refresh_snapshot(networks)?;
+        if networks {
+            timer.refresh_networks_at = Instant::now()
+                + MIN_NETWORKS_INTERVAL.max(NETWORKS_PAUSE_FACTOR * timer.published.elapsed());
+        }
+        Ok(())
+    }
+
+    /// Updates and publishes the snapshot. `networks` says whether to include the networks, which
+    /// are slow to copy.
+    pub(super) fn refresh_snapshot(&mut self, networks: bool) -> Result<(), TrainError> {
+        self.current.next_evaluation = self.next_evaluation();
+        let (trainer, pace, current) = (&self.trainer, self.pace(), &mut self.current);
+        current.update(trainer);
+        current.seconds_left = seconds_left(trainer, &current.limits, pace);
+        if !current.phase.is_training() {
+            // Nothing moves.
+            current.rates = (0.0, 0.0);
+        }
+        if networks {
+            current.networks = Networks::capture(trainer)?;
+            current.scene = trainer.scene();
+        }
+        self.current.followed = self.followed()?.map(Arc::new);
+        self.publish();
+        Ok(())
+    }
+
+    fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
+        let (trainer, scratch) = (&self.trainer, &mut self.scratch);
+        let rollout = trainer.rollout();
+        let acts = |agent: &usize| *agent < rollout.agents().len() && trainer.acts();
+        let Some(agent) = self.follow.filter(acts) else {
+            return Ok(None);
+        };
+        let s = trainer.spec().state_dim();
+        let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
+        let own = &rollout.agents()[agent];
+        let (goal, waypoints) = rollout.goal_and_waypoints(agent);
+        let frontier = rollout.excursions().destination(agent);
+        let (aim, goal) =
+            frontier.as_deref().map_or((&own.goal[..], goal), |frontier| (frontier, frontier));
+        let mut distances = (0.0, 0.0);
+        let mut measure = |policy: &dyn Policy| {
+            distances =
+                (policy.distance(&state, aim, scratch), policy.distance(&state, goal, scratch));
+        };
+        trainer.learner().with_policy(false, &mut measure)?;
+        // Before the first step of an episode, the replay buffer holds none of its states.
+        let start =
+            trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
+        let (aim, goal, planned) = (aim.to_vec(), goal.to_vec(), !waypoints.is_empty());
+        let steps = (own.steps, trainer.episode_steps());
+        Ok(Some(FollowedAgent { agent, start, state, steps, aim, goal, distances, planned }))
     }
 }

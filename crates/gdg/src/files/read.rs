@@ -15,19 +15,13 @@ const WRITE_FIRST: &str = "write what is to be read to a file first, and give th
 
 /// Opens a regular file for reading: a FIFO without a writer would block forever, and a device may
 /// have no end.
-///
-/// # Errors
-/// The system's, or the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
-    let found = std::fs::metadata(path).map_err(|error| match error.kind() {
-        ErrorKind::NotFound if path == Path::new("-") => Error::new(
-            ErrorKind::NotFound,
-            format!("standard input is not read here: {WRITE_FIRST}"),
-        ),
-        _ => error,
-    })?;
+    if path == Path::new("-") && !path.exists() {
+        let problem = format!("standard input is not read here: {WRITE_FIRST}");
+        return Err(Error::new(ErrorKind::NotFound, problem));
+    }
+    let found = std::fs::metadata(path)?;
     ensure_regular_file(found.file_type()).map_err(|error| match error.kind() {
-        // It may block forever or never end.
         ErrorKind::InvalidInput => Error::new(error.kind(), format!("{error}: {WRITE_FIRST}")),
         _ => error,
     })?;
@@ -36,9 +30,6 @@ pub fn open(path: &Path) -> Result<File> {
 
 /// Opens a regular file for writing without changing it, or creates an empty one. Follows no
 /// symbolic link: its target may be anywhere.
-///
-/// # Errors
-/// Returns the system's error, or an error if something else than a regular file is at the path.
 pub fn open_or_create(path: &Path) -> Result<File> {
     if let Ok(found) = std::fs::symlink_metadata(path) {
         ensure_regular_file(found.file_type())?;
@@ -56,9 +47,6 @@ fn open_with(path: &Path, options: &mut OpenOptions, follows_links: bool) -> Res
 }
 
 /// Reads all of a regular file of at most `max_bytes` bytes.
-///
-/// # Errors
-/// Fails like [`open`], and if the file is larger than `max_bytes`.
 pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let file = open(path)?;
     let size = file.metadata()?.len();
@@ -78,9 +66,6 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
 
 /// Like [`read`], but returns text, without the byte-order mark that some editors begin a file
 /// with.
-///
-/// # Errors
-/// Fails like [`read`], and on bytes that are not UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     let text = String::from_utf8(read(path, max_bytes)?).map_err(|e| {
         let valid = e.utf8_error().valid_up_to();
@@ -132,43 +117,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_read_up_to_the_size_limit() {
+    fn only_regular_files_are_opened_and_read_up_to_the_size_limit() {
         let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("five");
-        std::fs::write(&path, b"12345").expect("written");
-        assert_eq!(read(&path, 5).expect("it fits"), b"12345");
-        assert_eq!(read(&path, 4).expect_err("too large").kind(), ErrorKind::FileTooLarge);
+        let path = |name: &str| folder.path().join(name);
+        std::fs::write(path("five"), b"12345").expect("written");
+        assert_eq!(read(&path("five"), 5).expect("it fits"), b"12345");
+        assert_eq!(read(&path("five"), 4).expect_err("large").kind(), ErrorKind::FileTooLarge);
         assert_eq!(read(folder.path(), 4).expect_err("a folder").kind(), ErrorKind::IsADirectory);
-        std::fs::write(&path, b"ab\xff").expect("written");
-        assert!(read_text(&path, 9).expect_err("no text").to_string().contains("line 1, column 3"));
-    }
-
-    #[test]
-    fn fifos_and_devices_are_refused_without_blocking() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let fifo = folder.path().join("fifo");
-        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
-        for path in [&fifo, Path::new("/dev/zero")] {
-            let error = read(path, 1 << 20).expect_err("no regular file");
-            assert!(error.to_string().contains("not a regular file"), "{error}");
+        // What is opened for writing keeps its contents, and no link is followed.
+        std::os::unix::fs::symlink("five", path("link")).expect("a link");
+        assert!(open_or_create(&path("link")).is_err() && open_or_create(folder.path()).is_err());
+        assert!(open_or_create(&path("five")).is_ok() && open_or_create(&path("new")).is_ok());
+        let both = ["five", "new"].map(|name| read(&path(name), 9).expect("read"));
+        assert_eq!(both, [b"12345".to_vec(), Vec::new()]);
+        std::fs::write(path("five"), b"ab\xff").expect("written");
+        let error = read_text(&path("five"), 9).expect_err("no text");
+        assert!(error.to_string().contains("line 1, column 3"));
+        nix::unistd::mkfifo(&path("fifo"), nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
+        let errors = [read(&path("fifo"), 9).err(), read(Path::new("/dev/zero"), 9).err()];
+        for error in errors.into_iter().chain([open_or_create(&path("fifo")).err()]) {
+            let error = error.expect("no regular file").to_string();
+            assert!(error.contains("not a regular file"), "{error}");
         }
-        assert!(
-            open_or_create(&fifo).expect_err("a FIFO").to_string().contains("not a regular file")
-        );
-    }
-
-    #[test]
-    fn what_is_opened_for_writing_keeps_its_contents_and_no_link_is_followed() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let (file, link, new) =
-            (folder.path().join("file"), folder.path().join("link"), folder.path().join("new"));
-        std::fs::write(&file, b"mine").expect("written");
-        std::os::unix::fs::symlink(&file, &link).expect("a link");
-        assert!(open_or_create(&link).is_err() && open_or_create(folder.path()).is_err());
-        assert!(open_or_create(&file).is_ok() && open_or_create(&new).is_ok());
-        assert_eq!(
-            (read(&file, 9).expect("read"), read(&new, 9).expect("read")),
-            (b"mine".to_vec(), Vec::new())
-        );
     }
 }

@@ -20,20 +20,7 @@ pub enum LearnError {
 
 impl From<candle_core::Error> for LearnError {
     fn from(error: candle_core::Error) -> Self {
-        Self::Candle(candle_message(error))
-    }
-}
-
-/// Returns the message of an error without the backtrace that candle adds if `RUST_BACKTRACE` is
-/// set.
-pub(in crate::learn) fn candle_message(error: candle_core::Error) -> String {
-    use candle_core::Error;
-    match error {
-        Error::WithBacktrace { inner, .. } => candle_message(*inner),
-        Error::WithPath { inner, path } => {
-            format!("{}: {}", path.display(), candle_message(*inner))
-        }
-        Error::Context { inner, context } => format!("{context}: {}", candle_message(*inner)),
-        other => other.to_string(),
+        // Candle adds a backtrace where one is asked for.
+        Self::Candle(error.to_string().lines().next().unwrap_or_default().to_owned())
     }
 }

@@ -72,27 +72,19 @@ pub enum Acting {
 /// average over what is hidden.
 ///
 /// The same data and random numbers give bit-identical results for any number of threads.
+#[allow(clippy::missing_errors_doc, reason = "each fails if the learner's computation does")]
 pub trait Learner: Send {
     /// Returns the name of its [`LearnerKind`].
     fn kind(&self) -> &'static str;
 
     /// Performs one update and adds its time to `profile`.
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError>;
 
     /// Returns a frozen copy of the current policy, or of its running average if `averaged` and
     /// there is one.
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError>;
 
     /// Calls `use_policy` with the current policy, without copying it.
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn with_policy(
         &self,
         averaged: bool,
@@ -101,18 +93,12 @@ pub trait Learner: Send {
 
     /// Returns the actor, or its running average if `averaged` and there is one, for other
     /// programs; `None` if the learner has no such network.
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn export_actor(&self, _averaged: bool) -> Result<Option<ActorExport>, LearnError> {
         Ok(None)
     }
 
     /// Returns critics and dynamics model, or their running averages if `averaged` and there are
     /// any, for other programs that plan; `None` if the learner has no such networks.
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn export_critics(&self, _averaged: bool) -> Result<Option<CriticsExport>, LearnError> {
         Ok(None)
     }
@@ -124,23 +110,14 @@ pub trait Learner: Send {
 
     /// Returns whether D is finite on the latest batch. (The state itself is checked on what
     /// [`Self::save`] writes.)
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn is_finite(&self) -> Result<bool, LearnError> {
         Ok(true)
     }
 
     /// Writes the full training state.
-    ///
-    /// # Errors
-    /// Returns an error if the learner's computation fails.
     fn save(&self, store: &mut Store) -> Result<(), LearnError>;
 
-    /// Restores the state that [`Self::save`] wrote.
-    ///
-    /// # Errors
-    /// Returns an error if the state is missing or does not fit these settings; the learner is then
-    /// unusable.
+    /// Restores the state that [`Self::save`] wrote. If that is missing or does not fit these
+    /// settings, the learner is unusable.
     fn load(&mut self, store: &Store) -> Result<(), LearnError>;
 }

@@ -1,13 +1,11 @@
-//! Networks: inputs, weights, running averages, and policies for inference.
+//! Networks: their inputs and weights, what they compute together, and policies.
 
-pub mod dense;
 pub mod encoder;
 pub mod export;
-pub mod features;
 pub mod grid;
 pub mod lookahead;
 pub mod mlp;
 pub mod network;
 pub mod policy;
+pub mod returns;
 pub mod shapes;
-pub mod table;

@@ -18,16 +18,10 @@ pub enum LossScale {
     Log,
 }
 
-/// Trainable features at each corner of each grid.
-pub(crate) const GRID_CHANNELS: usize = 4;
-
-/// Mean of the steps that geometric hindsight goals lie ahead.
-pub(crate) const GEOMETRIC_MEAN_STEPS: f32 = 25.0;
-
 settings! {
     /// Settings of networks, losses and batches.
     pub struct LearnSettings {
-        Networks {
+        networks {
             hidden: usize = 128, Sb3 => 256;
                 "width of each hidden layer",
                 values: Values::count(1, 4096), effect: NewNetworks;
@@ -66,7 +60,7 @@ settings! {
                  ddpg-distance",
                 values: Values::number(0.0, 1e6);
         }
-        Targets {
+        targets {
             n_step: usize = 3, Paper => 1;
                 "n of the n-step return",
                 values: Values::count(1, 1000), unit: "steps",
@@ -117,7 +111,7 @@ settings! {
             /// behaviour alone, over many steps, which degrades all distances.
             relearn_updates: u64 = 3_000, Paper => 0;
                 "updates after an edit during which distances that have changed are relearned",
-                values: Values::count_from(0), unit: "updates";
+                values: Values::count(0, u64::MAX), unit: "updates";
             /// With 0, `ddpg-distance` has the paper's V(s, g) = -|s - g| (section 4.1); sparse
             /// rewards need more than 0.
             discount: f32 = 0.99;
@@ -136,7 +130,7 @@ settings! {
                 "Polyak factor of target networks and averages",
                 values: Values::unit(Excluded::Lower);
         }
-        Batches {
+        batches {
             batch_size: usize = 64, Tuned | Sb3 => 256;
                 "pairs, and transitions, per batch",
                 values: Values::count(1, 65_536), unit: "pairs";
@@ -175,7 +169,7 @@ settings! {
                     .with("with room for an episode of every agent"),
                 unit: "transitions", effect: NewAgents;
         }
-        Optimiser {
+        optimiser {
             learning_rate: f32 = 1e-3;
                 "Adam's learning rate for the networks",
                 values: Values::POSITIVE;

@@ -1,14 +1,9 @@
-//! The parts of an update: losses, gradients, optimiser steps, and the thread pool.
+//! Updates: losses and their gradients, optimiser steps, threads.
 
-#[cfg(test)]
-pub mod autograd;
-pub mod gradient;
+pub mod actor;
 pub mod losses;
-pub mod objective;
+pub mod parts;
 pub mod pool;
 pub mod profile;
-pub mod reference;
-pub mod rows;
-pub mod straight;
 pub mod threads;
 pub mod training;

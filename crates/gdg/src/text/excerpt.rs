@@ -88,26 +88,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_excerpt_contains_only_the_line_of_its_span() {
+    fn an_excerpt_is_a_part_of_the_line_of_its_span() {
         let text = "{\n  \"tau\": \"x\",\r\n  \"b\": 1\n}";
         let at = text.find("\"x\"").expect("there");
         let (excerpt, place) = Excerpt::from_span("f", text, at..at + 3);
         assert_eq!(place, (2, 10));
         assert_eq!((excerpt.text.as_str(), excerpt.span), ("  \"tau\": \"x\",", (9, 3)));
-    }
-
-    #[test]
-    fn each_character_that_is_shown_takes_its_columns() {
-        // Joined by terminals, or not.
+        // Each character that is shown takes its columns, joined by terminals or not.
         let text = "\u{1f468}\u{200d}\u{1f469}e\u{301}\u{4e00}x";
         let excerpt = Excerpt::new("f", SourceLine { number: 0, text }, 6..7);
         let (from, length) = excerpt.span;
         assert_eq!(&excerpt.text[from..from + length], "x");
         assert_eq!(super::super::display_width(&excerpt.text[..from]), 2 + 1 + 2 + 1 + 1 + 2);
-    }
-
-    #[test]
-    fn very_long_lines_are_truncated() {
         let text = "x".repeat(5_000_000) + "é\x1b";
         let (excerpt, place) = Excerpt::from_span("f", &text, 4_000_000..5_000_000);
         assert_eq!(place, (1, 4_000_001));

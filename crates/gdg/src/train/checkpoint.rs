@@ -15,21 +15,18 @@ use std::time::SystemTime;
 use parking_lot::Mutex;
 use serde::de::DeserializeOwned;
 
-use super::error::TrainError;
+use super::TrainError;
 use super::history::History;
 use super::memory;
 use super::registry::Registry;
 use super::trainer::{About, Saved, Trainer};
-use crate::env::EnvError;
 use crate::files::{self, FileFacts, Format, Mismatch, Wanted};
 use crate::job::Job;
 use crate::learn::Threads;
 use crate::store::StoreError;
 use crate::text::{safe_file_name, sanitized, truncated};
-pub use content::ContentError;
 use content::{MAX_HEADER_BYTES, Texts};
 
-/// Names of what the metadata hold.
 const ABOUT: &str = "about";
 const HISTORY: &str = "history";
 
@@ -40,24 +37,19 @@ const MAX_REASON_CHARS: usize = 400;
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", sanitized(&file.to_string_lossy()))]
 pub struct CheckpointError {
-    /// The file.
     pub file: PathBuf,
     /// What is wrong with it.
     pub problem: String,
-    /// How to fix it.
     pub help: String,
 }
 
 /// Summary of a checkpoint, without its state.
 #[derive(Clone, Debug)]
 pub struct Description {
-    /// The file.
     pub file: PathBuf,
-    /// The run.
     pub about: About,
     /// Size of the file in bytes.
     pub bytes: u64,
-    /// Modification time of the file.
     pub written: Option<SystemTime>,
 }
 
@@ -69,7 +61,6 @@ impl std::ops::Deref for Description {
     }
 }
 
-/// What is read as a checkpoint.
 const CHECKPOINT: Wanted = Wanted {
     name: "a checkpoint",
     help: "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors",
@@ -77,17 +68,11 @@ const CHECKPOINT: Wanted = Wanted {
 };
 
 /// Reads a checkpoint's summary without its state.
-///
-/// # Errors
-/// The file cannot be read or is not a checkpoint of this version.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     described(path).map(|(found, _)| found)
 }
 
 /// Reads a checkpoint's summary and history without its state or its world.
-///
-/// # Errors
-/// The file cannot be read or is not a checkpoint of this version.
 pub fn read_history(path: &Path) -> Result<(Description, History), CheckpointError> {
     let (found, texts) = described(path)?;
     let history = parsed(&texts, HISTORY).map_err(|e| unreadable(path, &e.to_string()))?;
@@ -99,7 +84,7 @@ fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
         read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let read = || {
         let texts = content::texts(&start, facts.len())?;
-        Ok::<_, ContentError>((parsed::<About>(&texts, ABOUT)?, texts))
+        Ok::<_, StoreError>((parsed::<About>(&texts, ABOUT)?, texts))
     };
     let (mut about, texts) = read().map_err(|e| unreadable(path, &e.to_string()))?;
     (about.world, about.title) = (safe_file_name(&about.world), safe_file_name(&about.title));
@@ -107,9 +92,8 @@ fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
     Ok((Description { file, about, bytes: facts.len(), written }, texts))
 }
 
-/// Parses what a checkpoint says about itself.
 fn parsed<T: DeserializeOwned>(texts: &Texts, name: &str) -> Result<T, StoreError> {
-    let text = texts.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))?;
+    let text = texts.get(name).ok_or_else(|| StoreError::missing(name))?;
     serde_json::from_str(text).map_err(|e| StoreError::unreadable(name, e))
 }
 
@@ -129,11 +113,6 @@ fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
         file.take(u64::from_le_bytes(*length).min(MAX_HEADER_BYTES)).read_to_end(&mut start)?;
     }
     Ok((start, facts))
-}
-
-/// Reads a whole checkpoint.
-fn read(path: &Path) -> Result<Vec<u8>, String> {
-    files::read(path, most_bytes()).map_err(|e| format!("cannot be read: {e}"))
 }
 
 /// Returns the largest size for which there is memory: contents are briefly held twice, as bytes
@@ -157,15 +136,6 @@ fn unreadable(path: &Path, problem: &str) -> CheckpointError {
     }
 }
 
-/// Returns the error about a sound checkpoint whose world fails.
-fn without_world(path: &Path, error: &EnvError) -> CheckpointError {
-    CheckpointError {
-        file: path.to_owned(),
-        problem: format!("cannot be resumed here: {error}"),
-        help: "the checkpoint itself is sound: resume it where its environment works".to_owned(),
-    }
-}
-
 /// Where to write a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
@@ -179,7 +149,6 @@ pub enum SaveTo {
 }
 
 impl SaveTo {
-    /// Returns the requested path.
     pub fn path(&self) -> &Path {
         match self {
             Self::Replace(path) | Self::CreateNew(path) => path,
@@ -198,53 +167,34 @@ impl SaveTo {
 
 /// Checkpoints that this program has read or written, as they were then: any change since was made
 /// by another program.
-static KNOWN_FILES: Mutex<BTreeMap<PathBuf, FileIdentity>> = Mutex::new(BTreeMap::new());
+static KNOWN_FILES: Mutex<BTreeMap<PathBuf, (FileFacts, u32)>> = Mutex::new(BTreeMap::new());
 
-/// Distinguishes a file from another one at the same path.
-#[derive(Clone, Copy)]
-struct FileIdentity {
-    facts: FileFacts,
-    /// Checksum of its contents.
-    contents: u32,
+fn remember(path: &Path, facts: Option<FileFacts>, bytes: &[u8]) {
+    if let (Ok(path), Some(facts)) = (path.canonicalize(), facts) {
+        KNOWN_FILES.lock().insert(path, (facts, crc32fast::hash(bytes)));
+    }
 }
 
-impl FileIdentity {
-    /// Records the file at `path`, which has these facts and contents.
-    fn record(path: &Path, facts: Option<FileFacts>, contents: u32) {
-        if let (Ok(path), Some(facts)) = (path.canonicalize(), facts) {
-            KNOWN_FILES.lock().insert(path, Self { facts, contents });
-        }
-    }
-
-    /// Returns what this program has read or written at `path`.
-    fn known(path: &Path) -> Option<Self> {
-        path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied())
-    }
-
-    /// Whether the file at `path` is still this one.
-    fn is_at(&self, path: &Path) -> bool {
-        let found = FileFacts::of(path);
-        found == Some(self.facts)
-            || found.is_some_and(|found| found.bytes == self.facts.bytes)
-                && files::read(path, self.facts.bytes)
-                    .is_ok_and(|bytes| crc32fast::hash(&bytes) == self.contents)
-    }
+/// Whether the file at `path` is still what this program has read or written there, if it has.
+fn is_unchanged(path: &Path) -> Option<bool> {
+    let known = KNOWN_FILES.lock().get(&path.canonicalize().ok()?).copied();
+    let ((facts, contents), found) = (known?, FileFacts::of(path)?);
+    let is_copy =
+        || files::read(path, facts.bytes).is_ok_and(|bytes| crc32fast::hash(&bytes) == contents);
+    Some(found == facts || found.bytes == facts.bytes && is_copy())
 }
 
 /// Whether the file at `path` must not be replaced: another program has written it since this one
 /// last read or wrote it, or may come back to it, or it is not a checkpoint.
 fn is_foreign(path: &Path) -> bool {
-    let changed = match FileIdentity::known(path) {
-        Some(known) => !known.is_at(path),
-        None => path.exists() && !is_checkpoint(path),
-    };
-    changed || files::is_in_use(path)
+    !is_unchanged(path).unwrap_or_else(|| !path.exists() || is_checkpoint(path))
+        || files::is_in_use(path)
 }
 
 /// Whether this program has read or written the checkpoint at `path`, and no other has written it
 /// since.
 pub fn is_own(path: &Path) -> bool {
-    FileIdentity::known(path).is_some_and(|known| known.is_at(path))
+    is_unchanged(path) == Some(true)
 }
 
 /// Removes a checkpoint if it [`is_own`]. Errors are ignored: a leftover file does no harm.
@@ -257,9 +207,6 @@ pub fn remove_own(path: &Path) {
 }
 
 /// Writes a checkpoint and returns its path. A crash leaves either the old or the new file.
-///
-/// # Errors
-/// The file system or the learner fails, or numbers are not finite.
 pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
     let failed = |problem: String| CheckpointError {
         file: to.path().to_owned(),
@@ -280,54 +227,41 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
 }
 
 /// Returns the bytes of a checkpoint file, and says how far it is.
-///
-/// # Errors
-/// The run cannot be expressed.
 pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
     let Saved { about, history, state } = saved;
-    let text = |name: &str, value: serde_json::Result<String>| {
-        let value = value.map_err(|e| StoreError::unreadable(name, e))?;
-        Ok::<_, StoreError>((name.to_owned(), value))
+    let text = |value: serde_json::Result<String>| {
+        value.map_err(|e| StoreError::unreadable("description", e))
     };
-    let texts = [
-        text(ABOUT, serde_json::to_string(about))?,
-        text(HISTORY, serde_json::to_string(history))?,
-    ];
+    let texts = Texts::from([
+        (ABOUT.to_owned(), text(serde_json::to_string(about))?),
+        (HISTORY.to_owned(), text(serde_json::to_string(history))?),
+    ]);
     let state = crate::store::to_bytes(state).map_err(|e| StoreError::unreadable("state", e))?;
-    Ok(content::to_bytes(&texts.into(), &state, progress))
+    Ok(content::to_bytes(&texts, &state, progress))
 }
 
-/// Writes a checkpoint's bytes and returns its path.
 fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
-    let contents = crc32fast::hash(bytes);
-    let replace = |path: &PathBuf| {
-        if is_foreign(path) {
-            return Ok::<_, std::io::Error>(None);
-        }
-        files::write_atomically(path, bytes)?;
-        FileIdentity::record(path, FileFacts::of(path), contents);
-        Ok(Some(path.clone()))
-    };
-    let replaced = match to {
+    if let SaveTo::Replace(path) = to {
         // Another program that has resumed the same file may be about to replace it too.
-        SaveTo::Replace(path) => files::while_locked(path, || replace(path)).transpose()?.flatten(),
-        SaveTo::CreateNew(_) => None,
-    };
-    if let Some(path) = replaced {
-        return Ok(path);
+        let replaced = files::while_locked(path, || {
+            if is_foreign(path) {
+                return Ok::<_, std::io::Error>(false);
+            }
+            files::write_atomically(path, bytes)?;
+            remember(path, FileFacts::of(path), bytes);
+            Ok(true)
+        });
+        if replaced.transpose()? == Some(true) {
+            return Ok(path.clone());
+        }
     }
     let path = files::write_to_unused(to.path(), bytes)?;
-    FileIdentity::record(&path, FileFacts::of(&path), contents);
+    remember(&path, FileFacts::of(&path), bytes);
     Ok(path)
 }
 
-/// Parts of loading: the file is read, its arrays are unpacked, and the run is put together.
 const LOAD_STAGES: usize = 3;
 
-/// Loads a run from a checkpoint.
-///
-/// # Errors
-/// The file cannot be read or is not a checkpoint of this program.
 pub fn load(
     path: &Path,
     registry: &Arc<Registry>,
@@ -337,9 +271,6 @@ pub fn load(
 }
 
 /// Like [`load`], and says how far it is.
-///
-/// # Errors
-/// See [`load`].
 pub fn load_with(
     path: &Path,
     registry: &Arc<Registry>,
@@ -349,37 +280,28 @@ pub fn load_with(
     progress.begin(0, LOAD_STAGES);
     let facts = FileFacts::of(path);
     let threads = threads.into();
-    let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
+    let bytes = files::read(path, most_bytes())
+        .map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     match parse(&bytes, registry, threads, progress) {
         Ok(trainer) => {
-            FileIdentity::record(path, facts, crc32fast::hash(&bytes));
+            remember(path, facts, &bytes);
             Ok(trainer)
         }
-        Err(LoadError::Train(TrainError::Env(error))) => Err(without_world(path, &error)),
+        Err(TrainError::Env(error)) => Err(CheckpointError {
+            file: path.to_owned(),
+            problem: format!("cannot be resumed here: {error}"),
+            help: "the checkpoint itself is sound: resume it where its environment works"
+                .to_owned(),
+        }),
         Err(error) => Err(unreadable(path, &error.to_string())),
     }
 }
 
-/// Why bytes cannot be loaded as a checkpoint.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// They are not a checkpoint, or a damaged one.
-    #[error(transparent)]
-    Content(#[from] ContentError),
-    /// The run they hold cannot be resumed.
-    #[error(transparent)]
-    Train(#[from] TrainError),
-}
-
-/// Loads a run from a checkpoint's bytes.
-///
-/// # Errors
-/// The bytes are not a valid checkpoint, or their run cannot be resumed.
 pub fn from_bytes(
     bytes: &[u8],
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
-) -> Result<Trainer, LoadError> {
+) -> Result<Trainer, TrainError> {
     parse(bytes, registry, threads, &Job::default())
 }
 
@@ -388,18 +310,14 @@ fn parse(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
     progress: &Job,
-) -> Result<Trainer, LoadError> {
+) -> Result<Trainer, TrainError> {
     progress.begin(1, LOAD_STAGES);
     let saved = read_saved(bytes)?;
     progress.begin(2, LOAD_STAGES);
-    Ok(Trainer::load(saved, registry, threads, progress)?)
+    Trainer::load(saved, registry, threads, progress)
 }
 
-/// Reads the bytes of a checkpoint file.
-///
-/// # Errors
-/// They are not a valid checkpoint, or it needs more memory than there is.
-pub fn read_saved(bytes: &[u8]) -> Result<Saved, ContentError> {
+pub fn read_saved(bytes: &[u8]) -> Result<Saved, StoreError> {
     let (texts, state) = content::from_bytes(bytes, most_bytes())?;
     let state = postcard::from_bytes(&state).map_err(|e| StoreError::unreadable("state", e))?;
     Ok(Saved { about: parsed(&texts, ABOUT)?, history: parsed(&texts, HISTORY)?, state })

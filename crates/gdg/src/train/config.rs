@@ -13,8 +13,9 @@ use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
 use super::settings::{OutOfRange, SETTINGS, Settings};
+use crate::env::{WORLDS, WorldKind};
 use crate::files::{self, Format, Wanted};
-use crate::settings::{Preset, Setting};
+use crate::settings::{GROUPS, Preset, Setting};
 use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, sanitized, truncated};
 
 /// Overrides of a preset.
@@ -29,22 +30,17 @@ pub struct Overrides<'a> {
     pub set: &'a [String],
 }
 
-/// An invalid setting.
 #[derive(Debug, thiserror::Error)]
 #[error("{location}{problem}")]
 pub struct ConfigError {
     location: String,
     problem: String,
-    /// What is expected instead.
     pub help: String,
-    /// The offending part of the file.
     pub excerpt: Option<Excerpt>,
 }
 
-/// Maximum length of a value quoted in an error, in characters.
 const MAX_QUOTED_CHARS: usize = 120;
 
-/// Maximum size of a settings file.
 const MAX_BYTES: u64 = 64 << 20;
 
 impl ConfigError {
@@ -57,13 +53,11 @@ impl ConfigError {
         format!("{}: {}", self.problem, self.help)
     }
 
-    /// Prefixes the error with `location`.
     fn at(mut self: Box<Self>, location: String) -> Box<Self> {
         self.location = location;
         self
     }
 
-    /// Adds the position in a file and an excerpt of it to the error.
     fn in_file(mut self: Box<Self>, file: &str, text: &str, span: Range<usize>) -> Box<Self> {
         let (excerpt, (line, column)) = Excerpt::from_span(file, text, span);
         self.excerpt = Some(excerpt);
@@ -73,10 +67,6 @@ impl ConfigError {
 
 /// Returns the settings of `preset` with `overrides` applied: first the world's defaults, if the
 /// preset adapts to the world, then the file, then the individual values.
-///
-/// # Errors
-/// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong
-/// type or is out of range.
 pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
     let mut values = preset.settings().values();
     let defaults = if preset.adapts_to_world() { overrides.defaults } else { &[] };
@@ -115,9 +105,6 @@ fn apply_assignment(
 
 /// Returns the settings of `preset` overridden by `text`, the contents of a settings file called
 /// `file`.
-///
-/// # Errors
-/// See [`settings_from`].
 pub fn settings_from_text(
     preset: Preset,
     file: &str,
@@ -144,10 +131,6 @@ pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> 
     settings.values().into_iter().filter(|(name, value)| base.get(name) != Some(value)).collect()
 }
 
-/// Returns `settings` with one of them changed, as by `--set`.
-///
-/// # Errors
-/// The name is unknown, or the value has the wrong type or is out of range.
 pub fn with_setting(
     settings: &Settings,
     name: &str,
@@ -173,22 +156,17 @@ fn apply_typed(
 /// Converts the value of a numeric setting to a JSON number if it is written in another way: `1e6`,
 /// `"60_000"`, `100.0`, `".5"`.
 fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
-    /// Whole numbers below this are exact in double precision.
-    const MAX_EXACT: f64 = (1_u64 << 53) as f64;
-    let parsed = match value {
-        Value::String(text) if setting.values.are_counts() => parse_count(text).map(Value::from),
+    let is_count = setting.values.are_counts();
+    let text = match value {
+        Value::String(text) => text.clone(),
         // JSON keeps whole numbers as they are.
-        Value::String(text) => {
-            parse_real(text).map(|number| json_number(text).unwrap_or(number.into()))
-        }
-        Value::Number(number) if setting.values.are_counts() && !number.is_u64() => {
-            match number.as_f64() {
-                Some(number) if number.fract() != 0.0 => Err(NumberError::Fraction),
-                Some(number) if (0.0..MAX_EXACT).contains(&number) => Ok((number as u64).into()),
-                _ => return Ok(value.clone()),
-            }
-        }
+        Value::Number(number) if is_count && !number.is_u64() => number.to_string(),
         _ => return Ok(value.clone()),
+    };
+    let parsed = if is_count {
+        parse_count(&text).map(Value::from)
+    } else {
+        parse_real(&text).map(|number| json_number(&text).unwrap_or(number.into()))
     };
     let shown = truncated(&shown(value), MAX_QUOTED_CHARS);
     let problem = match parsed {
@@ -203,12 +181,10 @@ fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>
     Err(ConfigError::new(problem, format!("{} must be {}", setting.name, setting.values)))
 }
 
-/// Parses a number of JSON.
 fn json_number(text: &str) -> Option<Value> {
     serde_json::from_str(text).ok().filter(Value::is_number)
 }
 
-/// Returns a value as a person writes it: words without quotes.
 fn shown(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
@@ -222,7 +198,6 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     })
 }
 
-/// Sets one value and checks it on its own.
 fn apply(
     values: &mut Map<String, Value>,
     name: &str,
@@ -277,7 +252,6 @@ fn decimal_comma(value: &Value) -> &'static str {
     if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
 }
 
-/// Returns the error for a value that a setting, called `name` by the user, cannot have.
 fn refused(name: &str, setting: &Setting, value: &Value) -> Box<ConfigError> {
     let shown = truncated(&value.to_string(), MAX_QUOTED_CHARS);
     let help = format!("{name} must be {}{}", setting.values, decimal_comma(value));
@@ -323,7 +297,6 @@ impl<'de> Deserialize<'de> for Entries<'de> {
     }
 }
 
-/// What is read as settings.
 const SETTINGS_FILE: Wanted = Wanted {
     name: "a settings file",
     help: "give a JSON file in the format of --print-config",
@@ -350,11 +323,8 @@ fn apply_text(
 ) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
         let offset = offset_of(text, e.line(), e.column());
-        let help = if separates_digits(text, offset) {
-            "numbers in JSON have no separators: write 60000, 6e4 or \"60_000\""
-        } else {
-            "a settings file is a JSON object of names and values, in the format of --print-config"
-        };
+        let help = "a settings file is a JSON object of names and values, in the format of \
+                    --print-config";
         ConfigError::new(without_place(&e), help.to_owned()).in_file(file, text, offset..offset)
     })?;
     let mut given = BTreeSet::new();
@@ -383,15 +353,6 @@ fn without_place(error: &serde_json::Error) -> String {
     truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS)
 }
 
-/// Whether something separates two digits next to `offset`.
-fn separates_digits(text: &str, offset: usize) -> bool {
-    let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
-    let separator = |at: usize| text.as_bytes().get(at).is_some_and(|byte| b"_,'".contains(byte));
-    (offset.saturating_sub(1)..=offset)
-        .any(|at| at > 0 && digit(at - 1) && separator(at) && digit(at + 1))
-}
-
-/// Returns the byte offset of a line and column (from 1), as counted by serde_json.
 fn offset_of(text: &str, line: usize, column: usize) -> usize {
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     let mut offset = (start + column.saturating_sub(1)).min(text.len());
@@ -399,4 +360,59 @@ fn offset_of(text: &str, line: usize, column: usize) -> usize {
         offset -= 1;
     }
     offset
+}
+
+/// Returns the reference page of all settings, in Markdown.
+pub fn reference_page() -> String {
+    let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` \
+                    (JSON, in the format of `--print-config`), or change any of them during \
+                    training with `o`. Former names still work. This page is printed by `gdg-tui \
+                    settings`.\n\nSome worlds bring default settings of their own, on top of the \
+                    presets that adapt to the world:\n\n"
+        .to_owned();
+    for WorldKind { name, defaults, .. } in WORLDS.iter().filter(|kind| !kind.defaults.is_empty()) {
+        page += &format!("- `{name}`: `{}`\n", defaults.join(" "));
+    }
+    let (adapt, published): (Vec<Preset>, Vec<Preset>) =
+        Preset::ALL.iter().partition(|preset| preset.adapts_to_world());
+    let list = |presets: &[Preset]| {
+        presets.iter().map(|p| format!("`{}`", p.name())).collect::<Vec<_>>().join(" and ")
+    };
+    page += &format!(
+        "\nThese presets are {}; {} stay as published. `--config` and `--set` come last.\n",
+        list(&adapt),
+        list(&published)
+    );
+    let presets = Preset::ALL.map(|preset| list_settings(&preset.settings()));
+    let names = Preset::ALL.map(Preset::name).join(" | ");
+    let columns = "---|".repeat(Preset::ALL.len() + 5);
+    for group in GROUPS {
+        page += &format!(
+            "\n## {group}\n\n| setting | {names} | unit | values | description | effect of a change \
+             |\n|{columns}\n"
+        );
+        for (i, setting) in
+            SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group)
+        {
+            let Setting { name, about, unit, values: range, effect, .. } = setting;
+            let effect = effect.about();
+            let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
+            // A bar would end the cell.
+            let about = about.replace('|', "\\|");
+            page += &format!("| `{name}` | {values} | {unit} | {range} | {about} | {effect} |\n");
+        }
+    }
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn docs_settings_md_matches_the_reference_page() {
+        let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/settings.md");
+        let kept = std::fs::read_to_string(kept).unwrap_or_default();
+        assert!(kept == reference_page(), "gdg-tui settings > docs/settings.md");
+    }
 }

@@ -1,24 +1,23 @@
 //! Recorded transitions, to learn from without acting: files as of OGBench, and the program's own.
 
 use std::fs::File;
-use std::io::{self, BufReader, ErrorKind, Read};
+use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use candle_core::npy::NpzTensors;
 use candle_core::{DType, Device, Tensor};
-use flate2::Crc;
+use flate2::CrcWriter;
 use serde::{Deserialize, Serialize};
 use zip::ZipArchive;
 
-use super::error::{DataError, TrainError};
 use super::memory;
+use super::{DataError, TrainError};
 use crate::env::{Environment, MAX_MAGNITUDE};
 use crate::files::{self, FileFacts, Format, Wanted};
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
 
-/// Names of the arrays.
 const STATES: &str = "observations";
 const ACTIONS: &str = "actions";
 const ENDS: &str = "terminals";
@@ -34,8 +33,7 @@ const MOST_NUMBERS: usize = 1 << 30;
 /// No file is packed more tightly than this: the limit of Deflate.
 const MOST_PACKED: u64 = 1_040;
 
-/// Bytes that are read at a time.
-const CHUNK: usize = 1 << 20;
+const CHUNK: u64 = 1 << 20;
 
 /// How far actions may lie beyond [-1, 1], by rounding.
 const ACTION_TOLERANCE: f32 = 1e-3;
@@ -43,32 +41,17 @@ const ACTION_TOLERANCE: f32 = 1e-3;
 /// Where a run's data comes from. A checkpoint keeps this, and no copy of the data.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DataSource {
-    /// The file.
     pub file: PathBuf,
     /// CRC-32 of its contents.
     pub checksum: u32,
-    /// Number of transitions.
     pub transitions: usize,
-    /// Number of episodes.
     pub episodes: usize,
-}
-
-impl DataSource {
-    /// Says what has become of the file that had these facts when it was read, if it is another one.
-    pub(super) fn loss(&self, facts: FileFacts) -> Option<&'static str> {
-        if FileFacts::of(&self.file) == Some(facts) {
-            return None;
-        }
-        Some(if self.file.is_file() { "has changed" } else { "can no longer be read" })
-    }
 }
 
 /// Episodes of recorded transitions.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     source: DataSource,
-    /// Those of the file before it was read.
-    facts: Option<FileFacts>,
     sizes: ReplaySizes,
     /// `(rows, state_dim)`.
     states: Vec<f32>,
@@ -84,20 +67,16 @@ impl Dataset {
     /// `timeouts` and `truncations` are further ends. The action of a row leads to the next one, or
     /// to that of `next_observations`, if they are there. States are in the unit of the world's
     /// records. Says how far it is, as one stage of `progress`.
-    ///
-    /// # Errors
-    /// It cannot be read, is no such file, or does not fit the world.
     pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self, DataError> {
-        let checked = checksum(file, [0, 2], progress)?;
-        Self::read_checked(file, checked, world, 2, progress)
+        let checked = checksum(file, 2, progress)?;
+        Self::read_checked(file, checked, world, progress)
     }
 
-    /// Reads a file of known CRC-32 and facts, and reports progress as the last of `parts`.
+    /// Reads a file of known CRC-32 and facts, as the second half of the progress.
     fn read_checked(
         file: &Path,
         (checksum, facts): (u32, Option<FileFacts>),
         world: &dyn Environment,
-        parts: usize,
         progress: &Job,
     ) -> Result<Self, DataError> {
         let sizes = ReplaySizes::of(world.spec());
@@ -105,7 +84,7 @@ impl Dataset {
             let arrays = Arrays::open(file, facts)?;
             let rows = arrays.rows(sizes)?;
             // The arrays are by far the most of it.
-            let tell = |thirds| progress.set(3 * (parts - 1) + thirds, 3 * parts);
+            let tell = |thirds: usize| progress.set(3 + thirds, 6);
             tell(0);
             let mut states = arrays.numbers(STATES, &[rows, sizes.state])?;
             tell(1);
@@ -142,26 +121,20 @@ impl Dataset {
             // Resumed from anywhere.
             let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
             let source = DataSource { file, checksum, transitions, episodes };
-            Ok(Self { source, facts, sizes, states, actions, ends })
+            Ok(Self { source, sizes, states, actions, ends })
         };
         read().map_err(|problem| unfit(file, problem))
     }
 
     /// Checks that a file can be read and has the arrays, without a world and without its numbers;
     /// returns its CRC-32. Says how far it is, as one stage of `progress`.
-    ///
-    /// # Errors
-    /// See [`Self::read`].
     pub fn check_file(file: &Path, progress: &Job) -> Result<u32, DataError> {
-        let (checksum, facts) = checksum(file, [0, 1], progress)?;
+        let (checksum, facts) = checksum(file, 1, progress)?;
         Arrays::open(file, facts).map_err(|problem| unfit(file, problem))?;
         Ok(checksum)
     }
 
     /// Reads the file that a run has learned from, or else `moved`, which must be the same.
-    ///
-    /// # Errors
-    /// See [`Self::read`]; or it is another file.
     pub fn reread(
         source: &DataSource,
         moved: Option<&Path>,
@@ -169,7 +142,7 @@ impl Dataset {
         progress: &Job,
     ) -> Result<Self, DataError> {
         let file = moved.unwrap_or(&source.file);
-        let checked = checksum(file, [0, 2], progress)?;
+        let checked = checksum(file, 2, progress)?;
         if checked.0 != source.checksum {
             let (from, transitions) = (source.file.display(), source.transitions);
             let problem = format!(
@@ -177,30 +150,21 @@ impl Dataset {
             );
             return Err(unfit(file, problem));
         }
-        Self::read_checked(file, checked, world, 2, progress)
+        Self::read_checked(file, checked, world, progress)
     }
 
-    /// Returns where it comes from.
     pub fn source(&self) -> &DataSource {
         &self.source
     }
 
-    /// Returns what tells whether the file is still the same.
-    pub(super) fn facts(&self) -> Option<FileFacts> {
-        self.facts
-    }
-
-    /// Returns the number of rows.
     pub fn rows(&self) -> usize {
         self.states.len() / self.sizes.state
     }
 
-    /// Returns the states, `(rows, state_dim)`.
     pub fn states(&self) -> &[f32] {
         &self.states
     }
 
-    /// Returns the state of a row.
     pub fn state(&self, row: usize) -> &[f32] {
         &self.states[row * self.sizes.state..(row + 1) * self.sizes.state]
     }
@@ -242,9 +206,6 @@ impl Dataset {
 
 /// Returns the contents of an `.npz` file with all complete transitions of a replay buffer in
 /// `world`, as [`Dataset::read`] reads them. Says how far it is, as one stage of `progress`.
-///
-/// # Errors
-/// There are none, or no temporary file can be written.
 pub fn data_file(
     replay: &Replay,
     world: &dyn Environment,
@@ -278,41 +239,32 @@ pub fn data_file(
     Ok(std::fs::read(file.path())?)
 }
 
-/// Returns a file's CRC-32 and its facts before it was read, and reports progress as one of several
-/// parts.
+/// Returns a file's CRC-32 and its facts before it was read, as the first part of the progress.
 fn checksum(
     path: &Path,
-    [part, parts]: [usize; 2],
+    parts: usize,
     progress: &Job,
 ) -> Result<(u32, Option<FileFacts>), DataError> {
     let facts = FileFacts::of(path);
     let all = facts.map_or(0, |facts| facts.bytes as usize);
-    let tell = |bytes| progress.set(part * all + bytes as usize, parts * all);
+    let tell = |bytes| progress.set(bytes as usize, parts * all);
     let read = files::open(path).and_then(|file| checksum_of(file, tell));
-    let unread = |error| DataError::Unread { file: path.to_string_lossy().into(), error };
+    let help = "give --data FILE if they are elsewhere";
+    let unread = |error| unfit(path, format!("the data cannot be read: {error}: {help}"));
     Ok((read.map_err(unread)?, facts))
 }
 
-/// Returns the CRC-32 of all bytes; calls `tell` with how many have been read.
 fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> io::Result<u32> {
-    let (mut crc, mut done, mut chunk) = (Crc::new(), 0, vec![0; CHUNK]);
-    tell(done);
+    let (mut crc, mut done) = (CrcWriter::new(io::sink()), 0);
     loop {
-        match bytes.read(&mut chunk) {
-            Ok(0) => return Ok(crc.sum()),
-            Ok(read) => {
-                crc.update(&chunk[..read]);
-                done += read as u64;
-                tell(done);
-            }
-            // By a signal that is handled.
-            Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
+        tell(done);
+        match io::copy(&mut bytes.by_ref().take(CHUNK), &mut crc)? {
+            0 => return Ok(crc.crc().sum()),
+            read => done += read,
         }
     }
 }
 
-/// Checks the size of every number; the text says what it must be.
 fn check(
     name: &str,
     numbers: &[f32],
@@ -330,20 +282,16 @@ fn check(
 }
 
 fn unfit(file: &Path, problem: String) -> DataError {
-    DataError::Unfit { file: file.to_string_lossy().into(), problem }
+    DataError { file: file.to_string_lossy().into(), problem }
 }
 
-/// What is read as data.
 const DATA: Wanted =
     Wanted { name: "an .npz file of NumPy", help: "numpy.savez writes one", own: &[Format::Npz] };
 
-/// What is wrong with an archive that is recognised as one.
 const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
 
-/// What is wrong with a file that another program has written over.
 const CHANGED: &str = "has changed while it was read";
 
-/// Says why an array cannot be read, and what to do in NumPy.
 fn unread_array(name: &str, error: &candle_core::Error) -> String {
     let said = error.to_string();
     if said.contains("fortran order") {
@@ -361,16 +309,13 @@ fn unread_array(name: &str, error: &candle_core::Error) -> String {
     format!("{name} cannot be read, as if the file were damaged: {said}")
 }
 
-/// The arrays of a file.
 struct Arrays<'a> {
     path: &'a Path,
     file: NpzTensors,
-    /// The length of the file.
     bytes: u64,
 }
 
 impl<'a> Arrays<'a> {
-    /// Opens a file that has the arrays.
     fn open(path: &'a Path, facts: Option<FileFacts>) -> Result<Self, String> {
         let explained = |error| {
             log::debug!("{}: {error}", path.display());
@@ -404,7 +349,6 @@ impl<'a> Arrays<'a> {
         ))
     }
 
-    /// Returns the shape of an array, if the file can hold it.
     fn shape(&self, name: &str) -> Result<Vec<usize>, String> {
         if !self.has(name) {
             let mut names: Vec<&str> = self.file.names().into_iter().map(String::as_str).collect();
@@ -453,7 +397,6 @@ impl<'a> Arrays<'a> {
         }
     }
 
-    /// Returns whether each row is the last one of an episode by any of the arrays.
     fn ends(&self, rows: usize) -> Result<Vec<bool>, String> {
         let mut is_last = vec![false; rows];
         for name in [ENDS].into_iter().chain(OTHER_ENDS).filter(|name| self.has(name)) {
@@ -500,29 +443,10 @@ fn with_next(
 
 #[cfg(test)]
 mod tests {
-    use std::cell::RefCell;
     use std::sync::Arc;
 
     use super::*;
     use crate::env::PointMaze;
-
-    /// Bytes whose every other read is interrupted by a signal.
-    struct Interrupted(&'static [u8], bool);
-
-    impl Read for Interrupted {
-        fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-            self.1 = !self.1;
-            if self.1 { Err(ErrorKind::Interrupted.into()) } else { self.0.read(&mut into[..2]) }
-        }
-    }
-
-    #[test]
-    fn a_checksum_goes_on_where_a_signal_interrupts_it() {
-        let told = RefCell::new(Vec::new());
-        let found = checksum_of(Interrupted(b"12345", false), |done| told.borrow_mut().push(done));
-        assert_eq!(found.expect("a checksum"), crc32fast::hash(b"12345"));
-        assert_eq!(told.into_inner(), [0, 2, 4, 5]);
-    }
 
     #[test]
     fn a_file_that_changes_while_it_is_read_is_refused() {
@@ -537,8 +461,8 @@ mod tests {
         let map = Arc::new(crate::map::builtin("trap").expect("built in"));
         let (world, progress) = (PointMaze::new(map, 0), Job::default());
         write(4);
-        let checked = checksum(&file, [0, 2], &progress).expect("a checksum");
-        let read = || Dataset::read_checked(&file, checked, &world, 2, &progress);
+        let checked = checksum(&file, 2, &progress).expect("a checksum");
+        let read = || Dataset::read_checked(&file, checked, &world, &progress);
         assert_eq!(read().expect("data").rows(), 4);
         let arrays = Arrays::open(&file, checked.1).expect("arrays");
         write(3);

@@ -1,39 +1,34 @@
 //! Evaluation against the world's ground truth, on its own random stream.
 
-mod results;
 mod tasks;
-mod truth;
 
 use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 
-use super::run::Run;
-use super::score::Score;
+use super::score::{
+    BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, Score, TaskOutcome, spearman,
+};
 use super::settings::RANDOM_HOLD_STEPS;
-use crate::bridge::{BridgeGraph, Candidates, Guide};
-use crate::env::{EnvError, Environment, Episodes, Evaluated, GroundTruth, Spec, Task, TaskSet};
+use crate::bridge::{BridgeGraph, Candidates, Edge, Guide, LINK_CANDIDATES};
+use crate::env::{
+    EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Spec, Task, TaskSet,
+    TruePairs,
+};
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-pub use results::{BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, TaskOutcome};
-use tasks::{Actor, run_tasks, run_tasks_watched};
-use truth::{bridge_facts, distance_error};
+use tasks::{Actor, run_tasks};
 
 /// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
-    pub(super) run: Run,
-    /// The world, without agents.
     pub(super) world: Box<dyn Environment>,
     pub(super) policy: Arc<dyn Policy>,
     pub(super) acting: Acting,
-    /// Candidates and observed paths between them, for methods that plan.
     pub(super) candidates: Option<Arc<Candidates>>,
     pub(super) coverage: Option<f64>,
     /// Steps within which every goal has to be reached, instead of the task's own budget.
     pub(super) max_steps: Option<u32>,
-    /// RNG for tasks.
     pub(super) task_rng: ChaCha8Rng,
-    /// RNG for everything else.
     pub(super) rng: ChaCha8Rng,
 }
 
@@ -46,9 +41,6 @@ impl EvaluationJob {
 
     /// Draws `per_group` tasks at each distance, independently of the number of earlier
     /// evaluations.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn tasks(&self, per_group: usize) -> Result<TaskSet, EnvError> {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
@@ -56,9 +48,6 @@ impl EvaluationJob {
     /// Draws tasks like [`Self::tasks`] and evaluates on them; returns `None` once `job` is
     /// cancelled. Where the world fails, tries once more: a world in another process gets a new one, and
     /// the result is the same.
-    ///
-    /// # Errors
-    /// The world fails twice.
     pub fn evaluate(&self, per_group: usize, job: &Job) -> Result<Option<Evaluation>, EnvError> {
         let once = || self.run_unless(job, &self.tasks(per_group)?);
         once().or_else(|error| {
@@ -70,19 +59,12 @@ impl EvaluationJob {
         })
     }
 
-    /// Evaluates on `tasks` against ground truth.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn run(&self, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
         let done = self.run_unless(&Job::default(), tasks)?;
         Ok(done.unwrap_or_else(|| unreachable!("nothing cancels it")))
     }
 
     /// Like [`Self::run`]; returns `None` once `job` is cancelled.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn run_unless(&self, job: &Job, tasks: &TaskSet) -> Result<Option<Evaluation>, EnvError> {
         crate::faults::point("evaluation");
         let (progress, stages) = (job, 1 + 2 * usize::from(self.candidates.is_some()));
@@ -100,7 +82,7 @@ impl EvaluationJob {
                 progress.set(over, tasks.tasks.len());
                 !job.is_cancelled()
             };
-            let runs = run_tasks_watched(world, &tasks.tasks, actor, rng, &mut watch)?;
+            let runs = run_tasks(world, &tasks.tasks, actor, rng, &mut watch)?;
             Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
         let planned_score = planned.as_ref().map(&mut score).transpose()?;
@@ -124,7 +106,6 @@ impl EvaluationJob {
         }))
     }
 
-    /// Scores walking straight at the goals.
     fn straight_score(&self, tasks: &TaskSet) -> Result<Option<Score>, EnvError> {
         let (world, mut rng) = (&*self.world, self.rng.clone());
         let (Some(evaluated), Some(task)) = (world.abilities().evaluated, tasks.tasks.first())
@@ -145,28 +126,25 @@ impl EvaluationJob {
             hold_steps: None,
             max_steps: self.max_steps,
         };
-        Ok(Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng)?.taken)))
+        Ok(Some(Score::new(
+            tasks,
+            &run_tasks(world, &tasks.tasks, &actor, &mut rng, &mut |_, _| true)?.taken,
+        )))
     }
 
     /// Builds the graph to plan on, for methods that plan; returns `None` once `job` is cancelled.
     /// Says how far it is, as one stage of its progress.
     pub fn graph(&self, job: &Job) -> Option<BridgeGraph> {
-        let (spec, settings, policy) = (self.world.spec(), self.run.bridge(), &*self.policy);
         let candidates = self.candidates.as_ref()?;
-        let now = |_| true;
-        let empty = BridgeGraph::empty(spec, &settings);
-        empty.renewed(job, candidates, now, policy, &mut Scratch::default())
+        let empty = BridgeGraph::empty(self.world.spec(), &candidates.settings);
+        empty.renewed(job, candidates, |_| true, &*self.policy, &mut Scratch::default())
     }
 
-    /// Returns the frozen networks.
     pub fn policy(&self) -> &dyn Policy {
         &*self.policy
     }
 
     /// Walks `task` as in an evaluation, with planning if the method plans.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn walk(&self, task: &Task) -> Result<TaskWalk, EnvError> {
         let (graph, mut states) = (self.graph(&Job::default()), Vec::new());
         let tasks = std::slice::from_ref(task);
@@ -175,13 +153,18 @@ impl EvaluationJob {
             true
         };
         let actor = self.actor(graph.as_ref());
-        let runs =
-            run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
-        let plan = states.first().map_or(Vec::new(), |start| plan(actor.guide, start, &task.goal));
+        let runs = run_tasks(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch)?;
+        let (mut plan, mut scratch) = (Vec::new(), Scratch::default());
+        if let (Some(graph), Some(mut walker)) =
+            (&graph, actor.guide.plan(&task.goal, &mut scratch))
+        {
+            actor.guide.aim(Some(&mut walker), &states[0], &task.goal, &mut scratch);
+            plan.extend(walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec()));
+            plan.push(task.goal.clone());
+        }
         Ok(TaskWalk { plan, states, reached: runs.taken[0].is_some() })
     }
 
-    /// Returns how agents act, with planning over `graph` if there is one.
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
         let hold_steps = (self.acting == Acting::AtRandom).then_some(RANDOM_HOLD_STEPS);
         let guide = Guide { policy: &*self.policy, graph };
@@ -197,22 +180,9 @@ pub struct TaskWalk {
     pub plan: Vec<Vec<f32>>,
     /// State at the start and after every step, each `(state_dim)`.
     pub states: Vec<Vec<f32>>,
-    /// Whether the goal was reached in time.
     pub reached: bool,
 }
 
-/// Returns the waypoints from `start` to `goal`, the goal last; none without a graph.
-fn plan(guide: Guide, start: &[f32], goal: &[f32]) -> Vec<Vec<f32>> {
-    let mut scratch = Scratch::default();
-    let (Some(graph), Some(mut walker)) = (guide.graph, guide.plan(goal, &mut scratch)) else {
-        return Vec::new();
-    };
-    guide.aim(Some(&mut walker), start, goal, &mut scratch);
-    let waypoints = walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec());
-    waypoints.chain([goal.to_vec()]).collect()
-}
-
-/// Walks straight at the goal.
 struct Straight<'a> {
     spec: &'a Spec,
     world: &'a dyn Evaluated,
@@ -236,13 +206,6 @@ impl Policy for Straight<'_> {
     }
 }
 
-/// Returns the steps left at the end of a walk, given the true ones to the goal itself: a goal counts
-/// as reached within its radius, from where there may still be a step.
-fn left_steps(to_goal: Option<u32>, is_reached: bool) -> Option<u32> {
-    to_goal.map(|steps| if is_reached { 0 } else { steps })
-}
-
-/// Runs the world's default task.
 fn marked_task(
     world: &dyn Environment,
     mut truth: Option<&mut (dyn GroundTruth + '_)>,
@@ -254,11 +217,12 @@ fn marked_task(
         return Ok(None);
     };
     let mut journey = |actor: &Actor| {
-        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng)?;
+        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng, &mut |_, _| true)?;
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
         let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];
-        let left = left_steps(left, taken.is_some());
+        // A goal counts as reached within its radius, from where there may still be a step.
+        let left = left.map(|steps| if taken.is_some() { 0 } else { steps });
         Ok::<_, EnvError>(TaskOutcome {
             reached: taken.is_some(),
             steps: taken.unwrap_or_else(|| actor.budget(world, &task)),
@@ -268,4 +232,86 @@ fn marked_task(
     };
     let greedy = journey(greedy)?;
     Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
+}
+
+/// Compares D, and D along `graph`, with ground truth; returns `None` if there are no pairs.
+fn distance_error(
+    groups: &[TruePairs],
+    policy: &dyn Policy,
+    graph: Option<&BridgeGraph>,
+) -> Option<DistanceError> {
+    if groups.iter().all(|group| group.steps.is_empty()) {
+        return None;
+    }
+    let (mut composed, mut scratch) = (Vec::new(), Scratch::default());
+    for TruePairs { goal, states, .. } in groups {
+        if let Some(graph) = graph {
+            let route = graph.route(goal, policy, &mut scratch);
+            composed.extend(graph.composed_distances(
+                states,
+                &route,
+                LINK_CANDIDATES,
+                policy,
+                &mut scratch,
+            ));
+        }
+    }
+    let truth: Vec<f64> =
+        groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
+    let states: Vec<f32> = groups.iter().flat_map(|group| &group.states).copied().collect();
+    let goals: Vec<f32> =
+        groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
+    let mut learned = vec![0.0; truth.len()];
+    policy.distances(&states, &goals, &mut learned, &mut scratch);
+    let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
+    // Relative errors of `distances`: over pairs drawn at random, and over pairs within
+    // `NEAR_STEPS`.
+    let errors = |distances: &[f32]| {
+        let pairs = distances
+            .iter()
+            .zip(&truth)
+            .zip(&near)
+            .map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
+        let pairs: Vec<_> = pairs.collect();
+        let all =
+            |of: fn(f64) -> f64| mean(pairs.iter().filter(|p| !p.2).map(|p| of(p.0)).collect());
+        ComposedError {
+            mape: all(f64::abs),
+            near_mape: mean(
+                pairs.iter().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect(),
+            ),
+            bias: all(|e| e),
+        }
+    };
+    let kept: Vec<usize> = (0..near.len()).filter(|i| !near[*i]).collect();
+    let (drawn, true_steps): (Vec<f64>, Vec<f64>) =
+        kept.iter().map(|i| (f64::from(learned[*i]), truth[*i])).unzip();
+    let ComposedError { mape, near_mape, bias } = errors(&learned);
+    let graph = graph.map(|_| errors(&composed));
+    Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
+}
+
+fn max_true_distance(length: f32) -> f32 {
+    2.0 * length + 4.0
+}
+
+fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn GroundTruth + '_)>) -> BridgeFacts {
+    let false_edges = truth.map(|truth| {
+        let of_candidate = |edges: &[Edge]| {
+            let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
+            let longest = edges.iter().map(|e| max_true_distance(e.length)).fold(0.0, f32::max);
+            // No agent can stand where an edit has put a wall.
+            let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32)
+            else {
+                return 0;
+            };
+            let is_false = |(steps, edge): (Option<u32>, &Edge)| {
+                steps.is_none_or(|steps| steps as f32 > max_true_distance(edge.length))
+            };
+            steps.into_iter().zip(edges).filter(|pair| is_false(*pair)).count()
+        };
+        graph.edges().chunk_by(|a, b| a.from == b.from).map(of_candidate).sum()
+    });
+    BridgeFacts { candidates: graph.candidates().len(), edges: graph.edges().len(), false_edges }
 }

@@ -5,12 +5,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::evaluate::Evaluation;
-use super::score::Success;
+use super::score::{Evaluation, Success};
 use crate::env::Spec;
 use crate::store::StoreError;
 
-/// Initial number of updates between two points of the curves.
 const POINT_EVERY_UPDATES: u64 = 50;
 
 /// Maximum number of points; beyond it, every other point is dropped.
@@ -26,10 +24,8 @@ const MAX_EDITS: usize = 1000;
 pub const MAX_LOG_ENTRIES: usize = 1000;
 const MAX_CHARACTERS: usize = 500;
 
-/// Losses and coverage at one update.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
-    /// Updates done.
     pub updates: u64,
     /// Running means of the losses of critic, model and actor.
     pub losses: [f32; 3],
@@ -40,7 +36,6 @@ pub struct CurvePoint {
 /// How far a run was when it was evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moment {
-    /// Updates done.
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
@@ -48,40 +43,31 @@ pub struct Moment {
     pub seconds: f64,
 }
 
-/// An event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
     /// Training time at the event, in seconds.
     pub seconds: f64,
-    /// Updates done at the event.
     pub updates: u64,
-    /// Description of the event.
     pub text: String,
 }
 
 /// State of a front end that is restored when a run is resumed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Notes {
-    /// Events, oldest first.
     pub log: Vec<LogEntry>,
     /// The goal that was shown, `(goal_dim)`; empty if there was none.
     pub goal: Vec<f32>,
 }
 
-/// The history of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct History {
-    /// Updates between two points.
     every: u64,
     points: Arc<Vec<CurvePoint>>,
     evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// When these were made.
     moments: Vec<Moment>,
     /// The methods used; only in runs whose method has changed.
     pub(super) methods: Methods,
-    /// Updates after which the world was edited, each once.
     edits: Vec<u64>,
-    /// State of the front end.
     #[serde(flatten)]
     pub notes: Notes,
 }
@@ -121,7 +107,6 @@ impl History {
         }
     }
 
-    /// Adds an evaluation.
     pub fn add_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
         let evaluations = Arc::make_mut(&mut self.evaluations);
         evaluations.push((made.updates, evaluation));
@@ -138,7 +123,6 @@ impl History {
         }
     }
 
-    /// Adds an edit of the world.
     pub(super) fn add_edit(&mut self, updates: u64) {
         if self.edits.last() != Some(&updates) {
             let surplus = (self.edits.len() + 1).saturating_sub(MAX_EDITS);
@@ -162,12 +146,13 @@ impl History {
         &self.evaluations
     }
 
-    /// Returns when the evaluation after `updates` was made, if there was one.
-    pub fn moment(&self, updates: u64) -> Option<Moment> {
-        self.moments.iter().rev().find(|made| made.updates == updates).copied()
+    /// Returns when an evaluation was made. There may be several before the first update.
+    pub fn moment(&self, i: usize) -> Option<Moment> {
+        let (updates, _) = self.evaluations.get(i)?;
+        let own = self.moments.get(i).filter(|_| self.moments.len() == self.evaluations.len());
+        own.or_else(|| self.moments.iter().rev().find(|made| made.updates == *updates)).copied()
     }
 
-    /// Returns the methods used.
     pub fn methods(&self) -> &Methods {
         &self.methods
     }
@@ -179,9 +164,6 @@ impl History {
     }
 
     /// Checks a history read from a file.
-    ///
-    /// # Errors
-    /// A value is out of range.
     pub fn check(&self, spec: &Spec) -> Result<(), StoreError> {
         let Notes { log, goal } = &self.notes;
         let short = |entry: &LogEntry| {
@@ -189,12 +171,10 @@ impl History {
         };
         let sound = self.every > 0
             && self.points.len() <= MAX_POINTS
-            && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
-            && self
-                .points
-                .iter()
-                .filter_map(|point| point.coverage)
-                .all(|share| (0.0..=1.0).contains(&share))
+            && self.points.iter().all(|CurvePoint { losses, coverage, .. }| {
+                losses.iter().all(|loss| loss.is_finite())
+                    && coverage.is_none_or(|share| (0.0..=1.0).contains(&share))
+            })
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
@@ -207,7 +187,7 @@ impl History {
             && log.iter().all(short)
             && (goal.is_empty() || goal.len() == spec.goal_dim())
             && goal.iter().all(|coordinate| coordinate.is_finite());
-        if sound { Ok(()) } else { Err(StoreError::inconsistent("its history is out of range")) }
+        StoreError::unless(sound, "its history is out of range")
     }
 }
 
@@ -218,38 +198,19 @@ impl LogEntry {
     }
 }
 
-/// Maximum number of stretches; beyond it, the oldest are forgotten.
 const MAX_STRETCHES: usize = 200;
 
-/// Maximum length of a method's name.
 const MAX_NAME_BYTES: usize = 200;
 
 /// A part of a run under one method.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stretch {
-    /// Updates counted when it began.
     pub from: u64,
     /// Updates that a learner had done when it began.
     pub learned: u64,
-    /// The method.
     pub method: String,
     /// Whether its learner learns; if not, updates are counted when due but not done.
     pub learns: bool,
-}
-
-/// A method as a run uses it.
-#[derive(Clone, Debug)]
-pub struct UsedMethod {
-    /// Its name.
-    pub name: String,
-    /// Whether its learner learns.
-    pub learns: bool,
-}
-
-impl UsedMethod {
-    fn stretch(self, from: u64, learned: u64) -> Stretch {
-        Stretch { from, learned, method: self.name, learns: self.learns }
-    }
 }
 
 /// The methods of a run, in order. Empty if the method never changed.
@@ -258,23 +219,23 @@ impl UsedMethod {
 pub struct Methods(Vec<Stretch>);
 
 impl Methods {
-    /// Records a change of the method after `updates`.
-    pub fn change(&mut self, updates: u64, before: UsedMethod, now: UsedMethod) {
-        let learned = self.learned(updates, before.learns);
+    /// Records a change of the method after `updates`: names, and whether their learners learn.
+    pub(super) fn change(&mut self, updates: u64, before: (String, bool), now: (String, bool)) {
+        let learned = self.learned(updates, before.1);
+        let stretch = |from, learned, (method, learns)| Stretch { from, learned, method, learns };
         if self.0.is_empty() {
-            self.0.push(before.stretch(0, 0));
+            self.0.push(stretch(0, 0, before));
         }
         // A method that ran for no update leaves no stretch.
         self.0.pop_if(|last| last.from == updates);
-        if self.0.last().is_none_or(|last| last.method != now.name) {
-            self.0.push(now.stretch(updates, learned));
+        if self.0.last().is_none_or(|last| last.method != now.0) {
+            self.0.push(stretch(updates, learned, now));
         }
         if self.0.len() > MAX_STRETCHES {
             self.0.remove(0);
         }
     }
 
-    /// Returns all of them, oldest first.
     pub fn stretches(&self) -> &[Stretch] {
         &self.0
     }
@@ -305,7 +266,6 @@ impl Methods {
         self.index(updates) + 1 >= self.0.len()
     }
 
-    /// Returns whether the values are plausible.
     pub(super) fn is_sound(&self) -> bool {
         self.0.len() <= MAX_STRETCHES
             && self.0.is_sorted_by_key(|stretch| (stretch.from, stretch.learned))
@@ -337,16 +297,6 @@ mod tests {
     }
 
     #[test]
-    fn points_keep_the_coverage() {
-        let mut history = History::default();
-        history.add_point(POINT_EVERY_UPDATES, [1.0; 3], || Some(0.25));
-        history.add_point(POINT_EVERY_UPDATES + 1, [1.0; 3], || unreachable!("not a point"));
-        assert!(history.points().iter().map(|point| point.coverage).eq([Some(0.25)]));
-        history.add_point(2 * POINT_EVERY_UPDATES, [1.0; 3], || Some(1.5));
-        assert!(history.check(&spec()).is_err(), "more than everything");
-    }
-
-    #[test]
     fn edits_are_kept_once_an_update_and_the_oldest_are_dropped() {
         let mut history = History::default();
         let most = MAX_EDITS as u64;
@@ -355,46 +305,30 @@ mod tests {
         history.check(&spec()).expect("a sound history");
         let text = serde_json::to_string(&history).expect("JSON");
         assert_eq!(serde_json::from_str::<History>(&text).expect("a history"), history);
-        history.edits = vec![2, 1];
-        assert!(history.check(&spec()).is_err(), "not in order");
+        let refused = |change: fn(&mut History)| {
+            let mut history = history.clone();
+            change(&mut history);
+            history.check(&spec()).is_err()
+        };
+        assert!(refused(|history| history.edits = vec![2, 1]), "not in order");
+        assert!(refused(|history| history.notes.goal = vec![1.0]), "no place in the plane");
+        assert!(refused(|history| history.notes.goal = vec![1.0, f32::NAN]));
+    }
+
+    fn method(name: &str) -> (String, bool) {
+        (name.to_owned(), name != "random")
     }
 
     #[test]
-    fn a_goal_is_kept_if_there_is_one_and_checked() {
-        let notes = Notes { log: vec![LogEntry::new(1.5, 2, "an event")], goal: vec![0.1, 2.5] };
-        let mut history = History { notes, ..History::default() };
-        let text = serde_json::to_string(&history).expect("JSON");
-        let read: History = serde_json::from_str(&text).expect("a history");
-        assert_eq!(read, history);
-        read.check(&spec()).expect("a place in the plane");
-        for goal in [vec![1.0], vec![1.0, f32::NAN], vec![1.0; 3]] {
-            history.notes.goal = goal;
-            assert!(history.check(&spec()).is_err(), "{:?}", history.notes.goal);
-        }
-    }
-
-    fn method(name: &str) -> UsedMethod {
-        UsedMethod { name: name.to_owned(), learns: name != "random" }
-    }
-
-    #[test]
-    fn what_does_not_learn_counts_no_updates() {
+    fn what_does_not_learn_counts_no_updates_and_evaluations_belong_to_their_method() {
         let mut methods = Methods::default();
         assert_eq!((methods.learned(70, true), methods.learned(70, false)), (70, 0));
-        methods.change(100, method("gdg"), method("random"));
-        methods.change(400, method("random"), method("gdg"));
-        let learned = [50, 100, 250, 400, 450].map(|updates| methods.learned(updates, true));
-        assert_eq!(learned, [50, 100, 100, 100, 150]);
-        assert!(methods.is_sound());
-    }
-
-    #[test]
-    fn evaluations_belong_to_the_method_that_they_were_made_of() {
-        let mut methods = Methods::default();
         assert!(methods.is_current(0) && methods.is_current(100));
         methods.change(100, method("gdg"), method("random"));
         assert_eq!([0, 100, 101].map(|updates| methods.is_current(updates)), [false, false, true]);
         methods.change(400, method("random"), method("gdg"));
+        let learned = [50, 100, 250, 400, 450].map(|updates| methods.learned(updates, true));
+        assert_eq!(learned, [50, 100, 100, 100, 150]);
         assert_eq!([100, 101, 400, 401].map(|updates| methods.index(updates)), [0, 1, 1, 2]);
         assert_eq!((methods.name(50), methods.name(200)), (Some("gdg"), Some("random")));
     }

@@ -23,11 +23,9 @@ const SURE_COUNT: usize = 16;
 /// ... of which at least this share has led to the same place.
 const SURE_SHARE: f32 = 0.9;
 
-/// The leaps seen, in worlds whose goals are places.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Leaps(VecDeque<Leap>);
 
-/// The goals achieved before and after.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Leap {
     from: Vec<f32>,
@@ -35,12 +33,10 @@ struct Leap {
 }
 
 impl Leaps {
-    /// Returns whether there are none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Returns whether these can be leaps of a world with `spec`.
     pub fn fit(&self, spec: &Spec) -> bool {
         let fits = |numbers: &[f32], length: usize| {
             numbers.len() == length && numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE)
@@ -89,51 +85,30 @@ fn is_leap(spec: &Spec, state: &[f32], next: &[f32]) -> bool {
 mod tests {
     use super::*;
 
-    fn spec() -> Spec {
-        crate::env::tests::positions(&[(0.0, 100.0); 2])
-    }
-
-    /// Leaps from (0, 0) to (50, 0), `elsewhere` of 20 to (0, 50).
-    fn leaps(spec: &Spec, elsewhere: usize) -> Leaps {
-        let mut leaps = Leaps::default();
-        for i in 0..20 {
-            let to = if i < elsewhere { [0.0, 50.0] } else { [50.0, 0.0] };
-            leaps.note(spec, &[0.0, 0.0], &to);
-        }
-        leaps
-    }
-
     #[test]
     fn a_leap_counts_once_others_have_led_to_the_same_place() {
-        let spec = spec();
-        let to = [50.5, 0.5];
-        assert!(leaps(&spec, 2).is_sure(&spec, &[0.5, 0.0], &to));
-        for (case, elsewhere, from) in
-            [("by chance", 3, [0.5, 0.0]), ("from another place", 0, [1.5, 0.0])]
-        {
-            assert!(!leaps(&spec, elsewhere).is_sure(&spec, &from, &to), "{case}");
+        let spec = crate::env::tests::positions(&[(0.0, 100.0); 2]);
+        // Leaps from (0, 0) to (50, 0), `elsewhere` of them to (0, 50).
+        let leaps = |count: usize, elsewhere: usize| {
+            let mut leaps = Leaps::default();
+            for i in 0..count {
+                let to = if i < elsewhere { [0.0, 50.0] } else { [50.0, 0.0] };
+                leaps.note(&spec, &[0.0, 0.0], &to);
+            }
+            leaps
+        };
+        let near = [0.5, 0.0];
+        for (case, leaps, from, to, counts) in [
+            ("seen", leaps(20, 2), near, [50.5, 0.5], true),
+            ("by chance", leaps(20, 3), near, [50.5, 0.5], false),
+            ("from another place", leaps(20, 0), [1.5, 0.0], [50.5, 0.5], false),
+            ("not seen often enough", leaps(SURE_COUNT - 1, 0), near, [50.5, 0.5], false),
+            ("an ordinary step", leaps(0, 0), near, [LEAP_STEPS, 0.0], true),
+        ] {
+            assert_eq!(leaps.is_sure(&spec, &from, &to), counts, "{case}");
         }
-        let few = Leaps(leaps(&spec, 0).0.into_iter().take(SURE_COUNT - 1).collect());
-        assert!(!few.is_sure(&spec, &[0.5, 0.0], &to), "not seen often enough");
-    }
-
-    #[test]
-    fn ordinary_steps_always_count() {
-        let spec = spec();
-        let mut leaps = Leaps::default();
-        leaps.note(&spec, &[0.0, 0.0], &[LEAP_STEPS, 0.0]);
-        assert!(leaps.is_empty() && leaps.is_sure(&spec, &[0.0, 0.0], &[1.0, 1.0]));
         // Nor is anything a leap where goals are no places.
         let spec = Spec { position_scale: None, ..spec };
-        assert!(leaps.is_sure(&spec, &[0.0, 0.0], &[90.0, 0.0]));
-    }
-
-    #[test]
-    fn only_the_latest_are_remembered() {
-        let (spec, mut leaps) = (spec(), Leaps::default());
-        for i in 0..=MOST_LEAPS {
-            leaps.note(&spec, &[i as f32, 0.0], &[0.0, 90.0]);
-        }
-        assert!(leaps.0.len() == MOST_LEAPS && leaps.0[0].from == [1.0, 0.0]);
+        assert!(Leaps::default().is_sure(&spec, &[0.0, 0.0], &[90.0, 0.0]));
     }
 }

@@ -2,11 +2,10 @@
 
 use std::collections::HashMap;
 
-use safetensors::Dtype;
-use safetensors::tensor::TensorView;
+use candle_core::{Device, Tensor, WithDType};
 use serde_json::{Value, json};
 
-use super::error::TrainError;
+use super::TrainError;
 use super::trainer::Trainer;
 use crate::bridge::{BridgeGraph, Edge};
 use crate::env::Recorded;
@@ -17,31 +16,19 @@ use crate::store::StoreError;
 /// Name of the description in the file's metadata.
 pub(super) const POLICY_KEY: &str = "policy";
 
-/// An array of the file.
-struct Array {
-    name: String,
-    dtype: Dtype,
-    shape: Vec<usize>,
-    bytes: Vec<u8>,
+/// The arrays of the file, by name.
+type Arrays = Vec<(String, Tensor)>;
+
+fn array<T: WithDType>(
+    name: &str,
+    shape: &[usize],
+    values: &[T],
+) -> candle_core::Result<(String, Tensor)> {
+    Ok((name.to_owned(), Tensor::from_slice(values, shape, &Device::Cpu)?))
 }
 
-impl Array {
-    fn f32(name: impl Into<String>, shape: &[usize], values: &[f32]) -> Self {
-        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        Self { name: name.into(), dtype: Dtype::F32, shape: shape.to_vec(), bytes }
-    }
-
-    /// Creates an array of counts or indices.
-    fn u32(name: &str, values: impl ExactSizeIterator<Item = u32>) -> Self {
-        let (name, shape) = (name.to_owned(), vec![values.len()]);
-        Self { name, dtype: Dtype::U32, shape, bytes: values.flat_map(u32::to_le_bytes).collect() }
-    }
-}
-
-impl From<&NamedTensor> for Array {
-    fn from(tensor: &NamedTensor) -> Self {
-        Self::f32(&tensor.name, &tensor.shape, &tensor.values)
-    }
+fn arrays_of(tensors: &[NamedTensor]) -> candle_core::Result<Arrays> {
+    tensors.iter().map(|t| array(&t.name, &t.shape, &t.values)).collect()
 }
 
 /// Returns the bytes of a safetensors file with the actor that evaluations use: its weights by
@@ -52,9 +39,6 @@ impl From<&NamedTensor> for Array {
 /// If `with_plans`, it also has what planned evaluations use: critics and model (see
 /// [`crate::learn::CriticsExport`]), the bridge candidates with the paths observed between them, and
 /// the edges of their graph; says how far that is, as one stage of `progress`.
-///
-/// # Errors
-/// The learner has no actor to export, or the method does not plan.
 pub fn policy_file(
     trainer: &Trainer,
     with_plans: bool,
@@ -63,7 +47,7 @@ pub fn policy_file(
     let run = trainer.run();
     let export = trainer.learner().export_actor(run.settings.bridge.averaged_weights)?;
     let export = export.ok_or_else(|| not_exported(trainer, "the actor"))?;
-    let mut arrays: Vec<Array> = export.tensors.iter().map(Array::from).collect();
+    let mut arrays = arrays_of(&export.tensors)?;
     let mut description = json!({
         "inputs": export.inputs,
         "goal_radius": trainer.spec().goal_radius,
@@ -80,17 +64,10 @@ pub fn policy_file(
         description["plans"] = plans;
         arrays.extend(more);
     }
-    serialize(&description, &arrays)
-}
-
-fn serialize(description: &Value, arrays: &[Array]) -> Result<Vec<u8>, TrainError> {
-    let failed = |error: safetensors::SafeTensorError| StoreError::inconsistent(error.to_string());
-    let views = arrays.iter().map(|Array { name, dtype, shape, bytes }| {
-        TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
-    });
-    let views = views.collect::<Result<Vec<_>, _>>().map_err(failed)?;
     let metadata = HashMap::from([(POLICY_KEY.to_owned(), description.to_string())]);
-    Ok(safetensors::serialize(views, Some(metadata)).map_err(failed)?)
+    let views = arrays.iter().map(|(name, array)| (name, array));
+    let bytes = safetensors::serialize(views, Some(metadata));
+    Ok(bytes.map_err(|error| StoreError::inconsistent(error.to_string()))?)
 }
 
 fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
@@ -98,8 +75,7 @@ fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
     LearnError::Other(format!("{what} of the learner {kind} cannot be exported yet").into())
 }
 
-/// Returns the description and the arrays of what planned evaluations use besides the actor.
-fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Vec<Array>), TrainError> {
+fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Arrays), TrainError> {
     let method = &trainer.run().method;
     let Some(graph) = trainer.evaluation()?.graph(progress) else {
         let problem = format!("the method {method} does not plan: there are no plans to export");
@@ -108,33 +84,40 @@ fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Vec<Array>), Train
     let averaged = trainer.run().settings.bridge.averaged_weights;
     let critics = trainer.learner().export_critics(averaged)?;
     let critics = critics.ok_or_else(|| not_exported(trainer, "the critic"))?;
-    let mut arrays: Vec<Array> = critics.tensors.iter().map(Array::from).collect();
-    arrays.extend(graph_arrays(&graph, trainer.spec().state_dim()));
+    let mut arrays = arrays_of(&critics.tensors)?;
+    arrays.extend(graph_arrays(&graph, trainer.spec().state_dim())?);
     Ok((json!({ "rules": graph.rules(), "critics": critics.outputs }), arrays))
 }
 
 /// Returns the candidates of a graph, the paths observed between them, how often hops arrived, and
 /// the edges.
-fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> [Array; 9] {
+fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> candle_core::Result<Arrays> {
     let (hops, edges) = (graph.candidates().hops().counts(), graph.edges());
-    let (mut paths, mut ends) = (Vec::new(), Vec::new());
+    let (mut to, mut steps, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     for from in 0..graph.candidates().len() {
-        let observed = graph.candidates().observed_from(from);
-        paths.extend(observed.map(|(to, steps)| (to as u32, u32::from(steps))));
-        ends.push(paths.len() as u32);
+        for (candidate, path) in graph.candidates().observed_from(from) {
+            to.push(candidate as u32);
+            steps.push(u32::from(path));
+        }
+        ends.push(to.len() as u32);
     }
     let shape = [graph.candidates().len(), state_dim];
-    let lengths = |length: fn(&Edge) -> f32| edges.iter().map(length).collect();
-    let (distances, costs): (Vec<f32>, Vec<f32>) = (lengths(|e| e.distance), lengths(|e| e.cost));
+    let ids = |name, values: &[u32]| array(name, &[values.len()], values);
+    let end = |end: fn(&Edge) -> usize| edges.iter().map(|e| end(e) as u32).collect::<Vec<_>>();
+    let lengths = |name, length: fn(&Edge) -> f32| {
+        array(name, &[edges.len()], &edges.iter().map(length).collect::<Vec<_>>())
+    };
     [
-        Array::f32("candidates", &shape, graph.candidates().states()),
-        Array::u32("observed.ends", ends.into_iter()),
-        Array::u32("observed.to", paths.iter().map(|(to, _)| *to)),
-        Array::u32("observed.steps", paths.iter().map(|(_, steps)| *steps)),
-        Array::f32("hops", &[hops.len(), 2], hops.as_flattened()),
-        Array::u32("edges.from", edges.iter().map(|edge| edge.from as u32)),
-        Array::u32("edges.to", edges.iter().map(|edge| edge.to as u32)),
-        Array::f32("edges.distance", &[edges.len()], &distances),
-        Array::f32("edges.cost", &[edges.len()], &costs),
+        array("candidates", &shape, graph.candidates().states()),
+        ids("observed.ends", &ends),
+        ids("observed.to", &to),
+        ids("observed.steps", &steps),
+        array("hops", &[hops.len(), 2], hops.as_flattened()),
+        ids("edges.from", &end(|edge| edge.from)),
+        ids("edges.to", &end(|edge| edge.to)),
+        lengths("edges.distance", |edge| edge.distance),
+        lengths("edges.cost", |edge| edge.cost),
     ]
+    .into_iter()
+    .collect()
 }

@@ -1,16 +1,19 @@
-//! The registry of worlds and learners.
+//! What there is to choose from: worlds, learners and methods.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::Arc;
 
-use super::error::TrainError;
-use super::method::{Method, method_names};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::TrainError;
+use crate::bridge::Planner;
 use crate::env::{EnvError, Environment, GymOptions, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
 use crate::settings::Preset;
 use crate::store::{Store, StoreError};
 
-/// Name of the kind of world that maps are loaded into.
 const MAPS: &str = "maze";
 
 /// World and learner kinds by name: the built-in ones and those added by a program.
@@ -23,7 +26,6 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// Returns a registry of the built-in worlds and learners.
     pub fn builtin() -> Arc<Self> {
         Arc::new(Self {
             worlds: WORLDS.to_vec(),
@@ -33,58 +35,58 @@ impl Registry {
         })
     }
 
+    #[must_use]
+    fn with(self: Arc<Self>, change: impl FnOnce(&mut Self)) -> Arc<Self> {
+        let mut registry = Arc::unwrap_or_clone(self);
+        change(&mut registry);
+        Arc::new(registry)
+    }
+
     /// Sets where the data of resumed runs are now, if they have moved.
     #[must_use]
     pub fn with_data(self: Arc<Self>, data: Option<PathBuf>) -> Arc<Self> {
-        let registry = Arc::unwrap_or_clone(self);
-        Arc::new(Self { data, ..registry })
-    }
-
-    /// Returns where the data of resumed runs are now, if they have moved.
-    pub fn data(&self) -> Option<&Path> {
-        self.data.as_deref()
+        self.with(|registry| registry.data = data)
     }
 
     /// Sets the options of Gymnasium's environments.
     #[must_use]
     pub fn with_gym(self: Arc<Self>, options: GymOptions) -> Arc<Self> {
-        let registry = Arc::unwrap_or_clone(self);
-        Arc::new(Self { options, ..registry })
+        self.with(|registry| registry.options = options)
     }
 
     /// Has worlds of checkpoints only looked at, where that is possible: no process is started, and
     /// their agents cannot act.
     #[must_use]
     pub fn only_reading(self: Arc<Self>) -> Arc<Self> {
-        let mut registry = Arc::unwrap_or_clone(self);
-        registry.options.reads_only = true;
-        Arc::new(registry)
+        self.with(|registry| registry.options.reads_only = true)
     }
 
     /// Adds a world; it replaces an earlier one of the same name.
     #[must_use]
     pub fn with_world(self: Arc<Self>, kind: WorldKind) -> Arc<Self> {
-        let mut registry = Arc::unwrap_or_clone(self);
-        registry.worlds.retain(|known| known.name != kind.name);
-        registry.worlds.insert(0, kind);
-        Arc::new(registry)
+        self.with(|registry| {
+            registry.worlds.retain(|known| known.name != kind.name);
+            registry.worlds.insert(0, kind);
+        })
     }
 
     /// Adds a learner; it replaces an earlier one of the same name.
     #[must_use]
     pub fn with_learner(self: Arc<Self>, kind: LearnerKind) -> Arc<Self> {
-        let mut registry = Arc::unwrap_or_clone(self);
-        registry.learners.retain(|known| known.name != kind.name);
-        registry.learners.insert(0, kind);
-        Arc::new(registry)
+        self.with(|registry| {
+            registry.learners.retain(|known| known.name != kind.name);
+            registry.learners.insert(0, kind);
+        })
     }
 
-    /// Returns the world kinds.
+    pub(crate) fn data(&self) -> Option<&Path> {
+        self.data.as_deref()
+    }
+
     pub fn worlds(&self) -> &[WorldKind] {
         &self.worlds
     }
 
-    /// Returns the world kind called `name`.
     pub fn world(&self, name: &str) -> Option<&WorldKind> {
         self.worlds.iter().find(|kind| kind.name == name)
     }
@@ -104,9 +106,6 @@ impl Registry {
     }
 
     /// Opens the world called `name`, without agents; `None` unless it needs no file.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn open(&self, name: &str) -> Option<Result<Box<dyn Environment>, EnvError>> {
         let kind = self.world_without_file(name)?;
         match (name.split_once(':'), kind.open, kind.create) {
@@ -116,20 +115,15 @@ impl Registry {
         }
     }
 
-    /// Returns the learner kinds.
     pub fn learners(&self) -> &[LearnerKind] {
         &self.learners
     }
 
-    /// Returns the learner kind called `name`.
-    ///
-    /// # Errors
-    /// No such learner is registered.
     pub fn learner(&self, name: &str) -> Result<&LearnerKind, TrainError> {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
             let known = method_names(self.learners.iter().map(|kind| kind.name));
-            TrainError::UnknownLearner { name: name.to_owned(), known }
+            TrainError::Other(format!("unknown learner {name:?}; {known}"))
         })
     }
 
@@ -144,24 +138,141 @@ impl Registry {
     }
 
     /// Loads the world of the kind `name` saved in `store`, without agents.
-    ///
-    /// # Errors
-    /// The kind of world is not registered, the stored world is invalid, or the world fails.
-    pub fn load_world(
+    pub(crate) fn load_world(
         &self,
         name: &str,
         store: &Store,
     ) -> Result<Box<dyn Environment>, TrainError> {
-        match self.world(name) {
-            Some(kind) => (kind.load)(store, &self.options).map_err(|error| match error {
-                EnvError::Store(error) => error.into(),
-                failed => failed.into(),
-            }),
-            None => Err(StoreError::inconsistent(format!(
-                "uses the world {name:?}, which this program does not have"
-            ))
-            .into()),
+        let missing = || format!("uses the world {name:?}, which this program does not have");
+        let kind = self.world(name).ok_or_else(|| StoreError::inconsistent(missing()))?;
+        (kind.load)(store, &self.options).map_err(|error| match error {
+            EnvError::Store(error) => error.into(),
+            failed => failed.into(),
+        })
+    }
+}
+
+/// A learner, which learns D and acts, and a planner, which plans over D.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Method {
+    /// The name of the learner's [`crate::learn::LearnerKind`].
+    pub learner: String,
+    pub planner: Planner,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct NamedMethod {
+    pub name: &'static str,
+    pub learner: &'static str,
+    pub planner: Planner,
+    pub about: &'static str,
+}
+
+/// The named combinations, default first. Any other is called `LEARNER+PLANNER`.
+pub const METHODS: [NamedMethod; 8] = [
+    named("gdg-bridge", "gdg", Planner::Bridges, "Explores and plans through bridge points"),
+    named("gdg", "gdg", Planner::None, "Goal-distance gradient: the actor alone"),
+    named(
+        "gdg-distance",
+        "gdg-distance",
+        Planner::None,
+        "The same, D given: the straight line to the goal",
+    ),
+    named("sorb", "gdg", Planner::Sorb, "Search on the replay buffer: unverified edges, one plan"),
+    named("ddpg", "ddpg", Planner::None, "Deep deterministic policy gradient, sparse rewards"),
+    named("her", "her", Planner::None, "The same with hindsight experience replay"),
+    named(
+        "ddpg-distance",
+        "ddpg-distance",
+        Planner::None,
+        "DDPG rewarded by straight-line distance",
+    ),
+    named("random", "random", Planner::None, "Random actions without learning: the baseline"),
+];
+
+const fn named(
+    name: &'static str,
+    learner: &'static str,
+    planner: Planner,
+    about: &'static str,
+) -> NamedMethod {
+    NamedMethod { name, learner, planner, about }
+}
+
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown method {0:?}; {help}", help = method_names(LEARNERS.iter().map(|kind| kind.name)))]
+pub struct UnknownMethod(String);
+
+fn method_names(learners: impl Iterator<Item = &'static str>) -> String {
+    format!(
+        "methods: {}, or LEARNER+PLANNER with a learner ({}) and a planner ({})",
+        METHODS.map(|named| named.name).join(", "),
+        learners.collect::<Vec<_>>().join(", "),
+        Planner::ALL.map(Planner::name).join(", ")
+    )
+}
+
+impl Default for Method {
+    fn default() -> Self {
+        Self::from(&METHODS[0])
+    }
+}
+
+impl From<&NamedMethod> for Method {
+    fn from(named: &NamedMethod) -> Self {
+        Self { learner: named.learner.to_owned(), planner: named.planner }
+    }
+}
+
+impl Method {
+    pub fn name(&self) -> String {
+        match METHODS.iter().find(|named| Self::from(*named) == *self) {
+            Some(named) => named.name.to_owned(),
+            None => format!("{}+{}", self.learner, self.planner.name()),
         }
+    }
+
+    pub fn plans(&self) -> bool {
+        self.planner != Planner::None
+    }
+
+    pub fn bridges(&self) -> bool {
+        self.planner == Planner::Bridges
+    }
+}
+
+impl FromStr for Method {
+    type Err = UnknownMethod;
+
+    /// Parses the name of a combination or `LEARNER+PLANNER`. Whether the learner exists is up to
+    /// the registry.
+    fn from_str(text: &str) -> Result<Self, UnknownMethod> {
+        if let Some(named) = METHODS.iter().find(|named| named.name == text) {
+            return Ok(named.into());
+        }
+        let unknown = || UnknownMethod(text.to_owned());
+        let (learner, planner) = text.split_once('+').ok_or_else(unknown)?;
+        let planner =
+            Planner::ALL.into_iter().find(|known| known.name() == planner).ok_or_else(unknown)?;
+        Ok(Self { learner: learner.to_owned(), planner })
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.name())
+    }
+}
+
+impl Serialize for Method {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for Method {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        String::deserialize(from)?.parse().map_err(serde::de::Error::custom)
     }
 }
 
@@ -182,5 +293,18 @@ mod tests {
             registry.with_learner(LearnerKind { name: "gdg", is_rewarded: true, ..ddpg });
         assert_eq!(registry.preset_of(&Method::default()), Preset::Tuned);
         assert_eq!(registry.learners().iter().filter(|kind| kind.name == "gdg").count(), 1);
+    }
+
+    #[test]
+    fn every_method_name_parses_to_the_same_method() {
+        for learner in ["gdg", "her", "random", "my-own"] {
+            for planner in Planner::ALL {
+                let method = Method { learner: learner.to_owned(), planner };
+                assert_eq!(method.name().parse(), Ok(method.clone()), "{method}");
+            }
+        }
+        assert_eq!(Method::default().name(), "gdg-bridge");
+        assert_eq!("gdg+none".parse::<Method>().map(|m| m.name()), Ok("gdg".to_owned()));
+        assert!("gdg+walls".parse::<Method>().is_err() && "gdgg".parse::<Method>().is_err());
     }
 }

@@ -1,7 +1,5 @@
 //! The exploring agents: their goals, exploration and stored experience.
 
-mod goals;
-
 use std::sync::Arc;
 
 use rand::RngExt;
@@ -9,30 +7,33 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use super::error::TrainError;
+use super::TrainError;
 use super::leaps::Leaps;
 use super::settings::{RANDOM_HOLD_STEPS, Settings};
-use crate::bridge::{BridgeGraph, Candidates, Excursions, Guide, Hop, SearchOutcome, Walker};
-use crate::env::{EnvError, Environment, Goals, MAX_MAGNITUDE};
+use crate::bridge::{
+    BridgeGraph, Candidates, EXPLORED_SHARE, Excursion, Excursions, FRONTIER_SHARE, Guide, Hop,
+    SEARCH_BUDGET, SearchOutcome, SearchSpace, Walker, search,
+};
+use crate::env::{EnvError, EnvSettings, Environment, Goals, MAX_MAGNITUDE, Restart};
 use crate::learn::{Acting, Replay, Scratch};
 use crate::store::{Store, StoreError};
 
-/// One agent's episode.
+/// An agent gives up on a goal after this multiple of D to it ...
+const GIVE_UP_FACTOR: f32 = 3.0;
+
+/// ... plus this many steps.
+const GIVE_UP_SLACK_STEPS: f32 = 50.0;
+
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Agent {
-    /// Current goal.
     pub goal: Vec<f32>,
     /// Goal to pursue after `goal`, which is a bridge point while this is set.
     pub after_bridge: Option<Vec<f32>>,
-    /// Steps of the episode so far.
     pub steps: u32,
-    /// Held random action and its remaining steps.
     held: Option<(Vec<f32>, u32)>,
-    /// Step of the episode at which it gives up on its goal.
     give_up_at: u32,
 }
 
-/// An agent's plan to a goal through the bridge graph; the agent pursues its waypoints.
 #[derive(Serialize, Deserialize)]
 struct Plan {
     walker: Walker,
@@ -42,12 +43,9 @@ struct Plan {
     disturbed: bool,
 }
 
-/// A round of steps whose outcome is not stored yet.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Round {
-    /// States before it, `(agents, state_dim)`.
+pub(super) struct Round {
     before: Vec<f32>,
-    /// `(agents, action_dim)`.
     actions: Vec<f32>,
     /// Whether the world computes it elsewhere, or when it is asked for the outcome.
     elsewhere: bool,
@@ -55,55 +53,40 @@ struct Round {
     ended: Option<Vec<bool>>,
 }
 
-/// Inputs and outputs of a round of steps.
 pub struct StepContext<'a> {
     /// Whether episodes use bridge points and plans.
     pub bridges: bool,
-    /// How agents act.
     pub acting: Acting,
-    /// Steps per episode.
     pub episode_steps: u32,
-    /// All settings.
     pub settings: &'a Settings,
-    /// The current policy and bridge graph.
     pub guide: Guide<'a>,
-    /// Receives the transitions.
     pub replay: &'a mut Replay,
-    /// Receives visited states and the outcomes of hops between candidates.
     pub candidates: &'a mut Candidates,
 }
 
-/// Agents acting in an environment and storing their experience.
 pub struct Rollout {
-    env: Box<dyn Environment>,
+    pub(super) env: Box<dyn Environment>,
     agents: Vec<Agent>,
     plans: Vec<Option<Plan>>,
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
-    round: Option<Round>,
+    pub(super) round: Option<Round>,
     /// A world with one agent, for the walks to near goals.
     aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
-    excursions: Excursions,
-    leaps: Leaps,
-    last_search: Option<Arc<SearchOutcome>>,
+    pub(super) excursions: Excursions,
+    pub(super) leaps: Leaps,
+    pub(super) last_search: Option<Arc<SearchOutcome>>,
 }
 
-/// Result of one round of steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RoundResult {
-    /// Episodes that ended.
     pub episodes: u64,
-    /// Goals reached.
     pub reached: u64,
 }
 
 impl Rollout {
-    /// Places agents at random starts with random goals.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Result<Self, EnvError> {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
@@ -130,17 +113,10 @@ impl Rollout {
         })
     }
 
-    /// Returns the environment.
     pub fn env(&self) -> &dyn Environment {
         &*self.env
     }
 
-    /// Returns the environment mutably, to change its settings.
-    pub fn env_mut(&mut self) -> &mut dyn Environment {
-        &mut *self.env
-    }
-
-    /// Returns the agents.
     pub fn agents(&self) -> &[Agent] {
         &self.agents
     }
@@ -155,42 +131,13 @@ impl Rollout {
         }
     }
 
-    /// Returns the leaps seen.
-    pub(super) fn leaps(&self) -> &Leaps {
-        &self.leaps
-    }
-
-    /// Returns the leaps seen, to add more.
-    pub(super) fn leaps_mut(&mut self) -> &mut Leaps {
-        &mut self.leaps
-    }
-
-    /// Returns the excursions beyond the frontier.
     pub fn excursions(&self) -> &Excursions {
         &self.excursions
-    }
-
-    /// Returns the excursions, to keep what they have found.
-    pub(super) fn into_excursions(self) -> Excursions {
-        self.excursions
-    }
-
-    /// Returns the excursions mutably, to restore or replace them.
-    pub(super) fn excursions_mut(&mut self) -> &mut Excursions {
-        &mut self.excursions
-    }
-
-    /// Returns the latest bridge search.
-    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
-        self.last_search.as_ref()
     }
 
     /// Chooses an action for every agent and begins a round of steps, which [`Self::finish`] ends.
     /// Returns whether the world computes it elsewhere, or `None` without a step if the actor's
     /// actions are not finite.
-    ///
-    /// # Errors
-    /// The world fails; no step is taken.
     pub fn begin(&mut self, context: &mut StepContext) -> Result<Option<bool>, EnvError> {
         // In this order, a plan that begins as an excursion ends has a waypoint at once.
         self.follow_excursions(context)?;
@@ -205,7 +152,8 @@ impl Rollout {
         Ok(Some(elsewhere))
     }
 
-    /// Chooses actions: the actor's with noise, or a random direction held for several steps.
+    /// Chooses actions: the actor's with noise, a random direction held for several steps, or those
+    /// of an excursion.
     fn choose_actions(&mut self, context: &StepContext) {
         self.actions.resize(self.agents.len() * self.env.spec().action_dim, 0.0);
         if context.acting == Acting::Policy {
@@ -217,12 +165,6 @@ impl Rollout {
             });
             context.guide.act(walkers, env.states(), goals, actions, scratch);
         }
-        self.explore(context);
-    }
-
-    /// Replaces the actions of agents on an excursion or holding a random direction; adds noise to
-    /// the others.
-    fn explore(&mut self, context: &StepContext) {
         let settings = &context.settings.train;
         // With a mean hold of h steps, a fraction r of all steps is random if each free step begins
         // a hold with probability r / (r + (1 - r) h).
@@ -260,15 +202,8 @@ impl Rollout {
         }
     }
 
-    /// Whether a round of steps has begun whose outcome is not stored yet.
-    pub fn has_begun(&self) -> bool {
-        self.round.is_some()
-    }
-
     /// Waits for the round of steps begun, if there is one.
-    ///
-    /// # Errors
-    /// The world fails; the round is then as if it had not begun.
+    /// Where the world fails, the round is as if it had not begun.
     pub fn wait(&mut self) -> Result<(), EnvError> {
         let begun = self.round.take_if(|round| round.ended.is_none());
         let Some(mut round) = begun else { return Ok(()) };
@@ -283,9 +218,7 @@ impl Rollout {
     }
 
     /// Ends the round of steps begun, and stores its transitions in replay buffer and candidates.
-    ///
-    /// # Errors
-    /// The world fails. What is stored then holds no transition that has not happened, and the run
+    /// Where the world fails, what is stored holds no transition that has not happened, and the run
     /// can be saved; agents that could not restart are at the ends of their episodes.
     pub fn finish(&mut self, context: &mut StepContext) -> Result<RoundResult, EnvError> {
         self.wait()?;
@@ -309,34 +242,21 @@ impl Rollout {
             }
         }
         // The others' steps are kept even if one agent cannot go on.
-        let went_on: Vec<Result<(), EnvError>> = ended
-            .iter()
-            .enumerate()
-            .map(|(i, has_ended)| self.go_on(i, *has_ended, context, &mut result))
-            .collect();
-        went_on.into_iter().collect::<Result<(), EnvError>>()?;
-        Ok(result)
-    }
-
-    /// Ends the episode of agent `i` after a step if it is over, or its pursuit of a goal.
-    fn go_on(
-        &mut self,
-        i: usize,
-        has_ended: bool,
-        context: &mut StepContext,
-        round: &mut RoundResult,
-    ) -> Result<(), EnvError> {
-        self.agents[i].steps = self.agents[i].steps.saturating_add(1);
-        if self.agents[i].steps >= context.episode_steps || has_ended {
-            self.end_episode(i, context, round)
-        } else if self.excursions.is_on(i) {
-            Ok(())
-        } else {
-            self.end_pursuit(i, context, round)
+        let mut went_on = Ok(());
+        for (i, has_ended) in ended.into_iter().enumerate() {
+            self.agents[i].steps = self.agents[i].steps.saturating_add(1);
+            let own = if self.agents[i].steps >= context.episode_steps || has_ended {
+                self.end_episode(i, context, &mut result)
+            } else if self.excursions.under_way[i].is_some() {
+                Ok(())
+            } else {
+                self.end_pursuit(i, context, &mut result)
+            };
+            went_on = went_on.and(own);
         }
+        went_on.map(|()| result)
     }
 
-    /// Ends the episode of agent `i` and starts the next one.
     fn end_episode(
         &mut self,
         i: usize,
@@ -355,7 +275,6 @@ impl Rollout {
         self.start_episode(i, context)
     }
 
-    /// Gives agent `i` its next goal if it has reached its own or gives up on it.
     fn end_pursuit(
         &mut self,
         i: usize,
@@ -395,9 +314,6 @@ impl Rollout {
 
     /// Moves all agents at their current states to another environment of the same kind, ending
     /// their episodes and starting new ones.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn enter_environment(
         &mut self,
         env: Box<dyn Environment>,
@@ -416,7 +332,6 @@ impl Rollout {
         Ok(())
     }
 
-    /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
     pub fn end_episodes(&self, replay: &mut Replay) {
         // A round whose outcome is not stored does not count.
         let states = self.round.as_ref().map_or(self.env.states(), |round| &round.before);
@@ -428,7 +343,6 @@ impl Rollout {
         }
     }
 
-    /// Replaces all existing plans after a change of graph.
     pub fn replan(&mut self, context: &StepContext) {
         for i in 0..self.plans.len() {
             if let Some(plan) = self.plans[i].take() {
@@ -438,7 +352,6 @@ impl Rollout {
         }
     }
 
-    /// Updates the waypoints of agents with a plan and records the outcomes of their hops.
     fn follow_plans(&mut self, context: &mut StepContext) {
         let guide = context.guide;
         let Some(graph) = guide.graph else { return };
@@ -461,26 +374,21 @@ impl Rollout {
         }
     }
 
-    /// Tells agents on an excursion where they are; those whose excursion ends get a goal.
     fn follow_excursions(&mut self, context: &StepContext) -> Result<(), EnvError> {
         if !context.bridges {
             return Ok(());
         }
         let s = self.env.spec().state_dim();
         for i in 0..self.agents.len() {
-            let was_on = self.excursions.is_on(i);
+            let was_on = self.excursions.under_way[i].is_some();
             self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
-            if was_on && !self.excursions.is_on(i) {
+            if was_on && self.excursions.under_way[i].is_none() {
                 self.choose_goal(i, context)?;
             }
         }
         Ok(())
     }
 
-    /// Saves everything that the next steps depend on.
-    ///
-    /// # Errors
-    /// It cannot be expressed.
     pub fn save(&self, store: &mut Store) -> Result<(), StoreError> {
         let states: Vec<f64> =
             (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect();
@@ -496,9 +404,6 @@ impl Rollout {
     /// Restores what [`Self::save`] saved. In a world that cannot set full states, or failed before
     /// they were saved, the agents begin new episodes, and those in `replay` and `candidates` end
     /// where they were.
-    ///
-    /// # Errors
-    /// It does not match the number of agents or the environment, or the world fails.
     pub fn load(
         &mut self,
         store: &Store,
@@ -537,10 +442,7 @@ impl Rollout {
             && self.plans.iter().flatten().all(|plan| sound(&plan.goal, g))
             && round
             && self.leaps.fit(spec);
-        if !fits {
-            let problem = "the stored agents do not fit these settings";
-            return Err(StoreError::inconsistent(problem).into());
-        }
+        StoreError::unless(fits, "the stored agents do not fit these settings")?;
         for plan in self.plans.iter_mut().flatten() {
             let graph = graph
                 .ok_or_else(|| StoreError::inconsistent("a stored plan has no bridge graph"))?;
@@ -562,5 +464,131 @@ impl Rollout {
             }
         }
         Ok(())
+    }
+
+    fn stays(&self, i: usize, context: &StepContext) -> bool {
+        if self.env.has_ended(i) {
+            return false;
+        }
+        match context.settings.train.restart {
+            Restart::Never => true,
+            Restart::Auto if context.settings.train.goals == Goals::Map => false,
+            Restart::Auto => {
+                self.env.abilities().episodes.is_some_and(|episodes| episodes.stays(i))
+            }
+            Restart::Anywhere | Restart::StartCell => false,
+        }
+    }
+
+    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge
+    /// point is the first goal (Algorithm 1).
+    fn start_episode(&mut self, i: usize, context: &StepContext) -> Result<(), EnvError> {
+        let restarted =
+            if self.stays(i, context) { Ok(()) } else { self.env.restart(i, &mut self.rng) };
+        // Even without a start, the episode that has ended in the replay is over.
+        self.begin_episode(i);
+        restarted?;
+        self.choose_goal(i, context)?;
+        if context.bridges
+            && self.chance(context.settings.bridge.bridge_epsilon)
+            && self.excursions.under_way[i].is_none()
+            && let Some(point) = self.search_bridge(i, context)
+        {
+            let agent = &mut self.agents[i];
+            agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
+            if self.plans[i].is_some() {
+                self.plan(i, context);
+            }
+            self.set_deadline(i, context);
+        }
+        Ok(())
+    }
+
+    /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion
+    /// beyond the frontier, or follows a plan through the bridge graph.
+    fn choose_goal(&mut self, i: usize, context: &StepContext) -> Result<(), EnvError> {
+        let agent = &mut self.agents[i];
+        agent.after_bridge = None;
+        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+        self.plans[i] = None;
+        if self.chance(context.settings.train.near_goals) {
+            self.choose_near_goal(i, context.settings.train.near_goal_steps)?;
+        }
+        if context.bridges {
+            let bridge = &context.settings.bridge;
+            let has_frontier = self.excursions.places.has_frontier();
+            let share = if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE };
+            if self.excursions.are_due(bridge.frontier_epsilon.given().unwrap_or(share)) {
+                self.excursions.under_way[i] = Some(Excursion::default());
+            } else if self.chance(bridge.planned_episodes) {
+                self.plan(i, context);
+            }
+        }
+        self.set_deadline(i, context);
+        Ok(())
+    }
+
+    /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from
+    /// its own place ends, if the world can put another agent there.
+    fn choose_near_goal(&mut self, i: usize, longest: u32) -> Result<(), EnvError> {
+        let aside = match &mut self.aside {
+            Some(world) => world,
+            none => {
+                let mut world = self.env.fork(1)?;
+                // The walk is straight even where actions are noisy.
+                world.configure(&EnvSettings::default());
+                none.insert(world)
+            }
+        };
+        let from = self.env.full_state(i);
+        if let Some(goal) = aside.near_goal(&from, longest, &mut self.rng)? {
+            self.agents[i].goal = goal;
+        }
+        Ok(())
+    }
+
+    fn chance(&mut self, probability: f32) -> bool {
+        probability > 0.0 && self.rng.random::<f32>() < probability
+    }
+
+    fn set_deadline(&mut self, i: usize, context: &StepContext) {
+        let s = self.env.spec().state_dim();
+        let agent = &mut self.agents[i];
+        let state = &self.env.states()[i * s..(i + 1) * s];
+        let distance = context.guide.policy.distance(state, &agent.goal, &mut self.scratch);
+        let steps = GIVE_UP_FACTOR * distance + GIVE_UP_SLACK_STEPS;
+        agent.give_up_at = agent.steps.saturating_add(steps as u32);
+    }
+
+    fn search_bridge(&mut self, i: usize, context: &StepContext) -> Option<Vec<f32>> {
+        let s = self.env.spec().state_dim();
+        let (candidates, goal) = (&*context.candidates, &self.agents[i].goal);
+        let outcome = search(
+            &self.env.states()[i * s..(i + 1) * s],
+            goal,
+            SearchSpace { states: candidates.states(), goals: candidates.points() },
+            SEARCH_BUDGET,
+            context.guide.policy,
+            &mut self.rng,
+            &mut self.scratch,
+        );
+        let found = outcome.found.as_ref().map(|bridge| bridge.point.clone());
+        self.last_search = Some(Arc::new(outcome));
+        found
+    }
+
+    fn plan(&mut self, i: usize, context: &StepContext) {
+        let goal = &self.agents[i].goal;
+        if let Some(walker) = context.guide.plan(goal, &mut self.scratch) {
+            self.plans[i] = Some(Plan { walker, goal: goal.clone(), disturbed: false });
+        }
+    }
+
+    fn begin_episode(&mut self, i: usize) {
+        let agent = &mut self.agents[i];
+        (agent.steps, agent.held, agent.after_bridge, agent.give_up_at) = (0, None, None, 0);
+        self.plans[i] = None;
+        self.excursions.under_way[i] = None;
+        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }
 }

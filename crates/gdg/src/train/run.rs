@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::config::{changed_from, list_settings, with_setting};
-use super::method::Method;
-use super::registry::Registry;
+use super::registry::{Method, Registry};
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
 use crate::settings::Preset;
@@ -14,13 +13,10 @@ use crate::store::StoreError;
 /// Definition of a run: everything that its result depends on besides the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// The learner and the planner.
     pub method: Method,
     /// The preset that the settings are based on.
     pub preset: Preset,
-    /// Seed of all random streams.
     pub seed: u64,
-    /// The settings.
     pub settings: Settings,
 }
 
@@ -51,7 +47,6 @@ impl Run {
         changed_from(&self.settings, &self.preset.settings())
     }
 
-    /// Returns the bridge settings, adjusted to the method's planner.
     pub fn bridge(&self) -> BridgeSettings {
         self.settings.bridge.for_planner(self.method.planner)
     }
@@ -65,9 +60,7 @@ pub struct Counters {
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
-    /// Episodes that ended.
     pub episodes: u64,
-    /// Goals reached while exploring.
     pub goals_reached: u64,
     /// Environment steps whose updates are due but not done.
     pub(super) owed_steps: u64,
@@ -77,7 +70,6 @@ pub struct Counters {
     pub(super) relearns_until: u64,
     /// Environment steps at the latest change of the world.
     pub(super) changed_at_step: u64,
-    /// Running means of the losses.
     pub(super) losses: [f64; 3],
     /// Number of rollbacks to earlier networks.
     pub recoveries: u32,
@@ -92,10 +84,6 @@ impl Counters {
     /// Exclusive upper bound of plausible counts.
     const MAX_COUNT: u64 = 1 << 53;
 
-    /// Checks counters read from a file.
-    ///
-    /// # Errors
-    /// A number is out of range.
     pub(super) fn check(&self) -> Result<(), StoreError> {
         let counts = [
             self.updates,
@@ -115,12 +103,9 @@ impl Counters {
     }
 }
 
-/// What one tick did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tick {
-    /// One update.
     Update,
-    /// One step of every agent.
     Step,
 }
 
@@ -131,24 +116,52 @@ pub struct Limits {
     pub updates: Option<u64>,
     /// Maximum training time in seconds.
     pub seconds: Option<f64>,
-    /// Maximum number of episodes.
     pub episodes: Option<u64>,
     /// Maximum number of environment steps, summed over all agents; the updates due then are still
     /// done. As all agents step at once, it is exceeded by less than their number.
     pub env_steps: Option<u64>,
 }
 
-/// Why a run ended.
+/// The mean pace of a run in this process.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Counters and seconds of training at the first update that counts, and now.
+    pub(super) from: (Counters, f64),
+    pub(super) now: (Counters, f64),
+}
+
+impl Pace {
+    /// Returns how much of what `count` returns has come per second, if any has.
+    pub fn per_second(&self, count: impl Fn(&Counters) -> u64) -> Option<f64> {
+        let ((before, from), (after, now)) = (&self.from, &self.now);
+        let done = count(after).saturating_sub(count(before)) as f64;
+        let seconds = now - from;
+        (done > 0.0 && seconds > 0.0).then(|| done / seconds)
+    }
+
+    /// Returns the seconds of training until the first of `limits`, if that can be told: of
+    /// episodes it cannot, as they become shorter the more is learned.
+    pub fn seconds_left(&self, limits: &Limits) -> Option<f64> {
+        let (counters, seconds) = &self.now;
+        let until = |limit: Option<u64>, count: fn(&Counters) -> u64| {
+            let left = limit?.saturating_sub(count(counters)) as f64;
+            if left > 0.0 { Some(left / self.per_second(count)?) } else { Some(0.0) }
+        };
+        let all = [
+            limits.seconds.map(|limit| (limit - seconds).max(0.0)),
+            until(limits.updates, |counters| counters.updates),
+            until(limits.env_steps, |counters| counters.env_steps),
+        ];
+        all.into_iter().flatten().min_by(f64::total_cmp)
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndReason {
-    /// The update limit was reached.
     MaxUpdates,
-    /// The limit of training time was reached.
     MaxSeconds,
-    /// The episode limit was reached.
     MaxEpisodes,
-    /// The limit of environment steps was reached.
     MaxSteps,
     /// Training was asked to stop, as by a signal.
     Interrupted,
@@ -162,7 +175,6 @@ pub(crate) mod tests {
     use crate::env::PointMaze;
     use crate::train::Trainer;
 
-    /// Returns a run in the trap with small networks and a small graph.
     pub fn small_run(method: &str, threads: usize) -> Trainer {
         let mut settings = Settings::default();
         (settings.learn.hidden, settings.learn.batch_size) = (16, 64);
@@ -199,5 +211,23 @@ pub(crate) mod tests {
         (run.preset, run.settings) = (Preset::Paper, Preset::Paper.settings());
         run.set_method(method("ddpg"), &registry);
         assert_eq!((run.preset, &run.settings), (Preset::Paper, &Preset::Paper.settings()));
+    }
+    #[test]
+    fn the_time_left_follows_from_the_mean_pace_since_the_first_update() {
+        let at = |updates, seconds| (Counters { updates, ..Counters::default() }, seconds);
+        // The warm-up took 60 s, and then 999 updates 10 s.
+        let pace = Pace { from: at(1, 60.0), now: at(1_000, 70.0) };
+        let updates = Limits { updates: Some(8_000), ..Limits::default() };
+        let episodes = Limits { episodes: Some(80), ..Limits::default() };
+        for (limits, left) in [
+            (updates, Some(7_000.0 / 99.9)),
+            (Limits { seconds: Some(100.0), ..updates }, Some(30.0)),
+            (Limits { updates: Some(500), ..updates }, Some(0.0)),
+            (episodes, None),
+        ] {
+            assert_eq!(pace.seconds_left(&limits), left, "{limits:?}");
+        }
+        let resumed = Pace { from: pace.now, ..pace };
+        assert_eq!(resumed.seconds_left(&updates), None, "nothing is known yet");
     }
 }

@@ -1,4 +1,4 @@
-//! Success rate, SPL and rank correlation.
+//! Results of an evaluation: success rate, SPL, errors of D and rank correlation.
 
 use std::fmt;
 
@@ -6,10 +6,110 @@ use serde::{Deserialize, Serialize};
 
 use crate::env::{DistanceUnit, Task, TaskSet};
 
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    pub greedy: Score,
+    /// Score with planning over bridge points, if the method plans.
+    pub planned: Option<Score>,
+    /// Score of walking straight at the goal, if the world knows how: the floor for everything
+    /// learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub straight: Option<Score>,
+    /// Error of D against ground truth, if that is known for any pair of states.
+    pub distance_error: Option<DistanceError>,
+    /// The bridge graph against ground truth, if there is a graph.
+    pub bridges: Option<BridgeFacts>,
+    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells within
+    /// reach).
+    pub coverage: Option<f64>,
+    /// The world's default task, if it has one (on a map: from its first start to its first goal).
+    pub marked: Option<MarkedTask>,
+}
+
+impl Evaluation {
+    pub fn success(&self, updates: u64) -> Success {
+        Success {
+            updates,
+            greedy: self.greedy.success,
+            planned: self.planned.as_ref().and_then(|score| score.success),
+        }
+    }
+
+    /// Returns the success rate with planning, or of the actor alone if the method does not plan;
+    /// `None` without tasks.
+    pub fn success_rate(&self) -> Option<f64> {
+        self.planned.as_ref().unwrap_or(&self.greedy).success
+    }
+
+    /// Whether every number is finite: D may have diverged.
+    pub fn is_finite(&self) -> bool {
+        let scores = std::iter::once(&self.greedy).chain(&self.planned).chain(&self.straight);
+        let of_score = |score: &Score| {
+            let Score { success, spl, steps_ratio, by_distance } = score;
+            let of_distance =
+                |d: &DistanceScore| [d.distance_steps, d.distance_cm, d.success, d.spl];
+            let ratios = [*success, *spl, *steps_ratio];
+            by_distance.iter().flat_map(of_distance).chain(ratios).flatten().collect::<Vec<_>>()
+        };
+        let errors = self.distance_error.iter().flat_map(|error| {
+            let DistanceError { mape, near_mape, bias, spearman, graph } = error;
+            let graph = graph.iter().flat_map(|graph| [graph.mape, graph.near_mape, graph.bias]);
+            graph.chain([*mape, *near_mape, *bias, *spearman]).collect::<Vec<_>>()
+        });
+        scores.flat_map(of_score).chain(errors).chain(self.coverage).all(f64::is_finite)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MarkedTask {
+    pub greedy: TaskOutcome,
+    /// Result with planning over bridge points, if the method plans.
+    pub planned: Option<TaskOutcome>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TaskOutcome {
+    pub reached: bool,
+    pub steps: u32,
+    /// True steps from the final state to the goal, if known.
+    pub left_steps: Option<u32>,
+    /// Straight-line distance from the final state to the goal, in the world's unit of length;
+    /// older files do not have it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_straight: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DistanceError {
+    /// Mean absolute relative error.
+    pub mape: f64,
+    /// The same for pairs within 10 steps.
+    pub near_mape: f64,
+    /// Mean signed relative error.
+    pub bias: f64,
+    pub spearman: f64,
+    /// Error of D along the bridge graph on the same pairs, if there is a graph.
+    pub graph: Option<ComposedError>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ComposedError {
+    pub mape: f64,
+    pub near_mape: f64,
+    pub bias: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BridgeFacts {
+    pub candidates: usize,
+    pub edges: usize,
+    /// Edges whose true distance exceeds 2 D + 4, if that is known.
+    pub false_edges: Option<usize>,
+}
+
 /// Summary of a run's latest evaluation, as shown in checkpoint lists.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Success {
-    /// The update at which it was evaluated.
     pub updates: u64,
     /// Success rate of the actor alone; `None` if there were no tasks.
     pub greedy: Option<f64>,
@@ -30,7 +130,6 @@ impl fmt::Display for Success {
     }
 }
 
-/// Scores on a set of tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Fraction of all tasks whose goal was reached in time; `None` if there are no tasks.
@@ -41,11 +140,9 @@ pub struct Score {
     /// Mean of steps / shortest over the successful tasks, if there are any and their shortest
     /// paths are known.
     pub steps_ratio: Option<f64>,
-    /// Scores at each distance.
     pub by_distance: Vec<DistanceScore>,
 }
 
-/// Scores on the tasks at one distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceScore {
     /// Shortest-path length of these tasks in steps (for a range: the mean), if known.
@@ -54,23 +151,19 @@ pub struct DistanceScore {
     /// measure that.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distance_cm: Option<f64>,
-    /// Number of tasks.
     pub tasks: usize,
-    /// Fraction reached in time; `None` if there are no tasks.
     pub success: Option<f64>,
     /// Success weighted by path length, if there are tasks and their shortest paths are known.
     pub spl: Option<f64>,
 }
 
 impl DistanceScore {
-    /// Returns the distance of these tasks and its unit, in the unit that the world gives.
     pub fn distance(&self) -> Option<(f64, DistanceUnit)> {
         let cm = self.distance_cm.map(|cm| (cm, DistanceUnit::Centimetres));
         self.distance_steps.map(|steps| (steps, DistanceUnit::Steps)).or(cm)
     }
 }
 
-/// Sums over tasks.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     tasks: usize,
@@ -82,7 +175,6 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a task reached in `steps`, if it was.
     fn add(&mut self, task: &Task, steps: Option<u32>) {
         self.tasks += 1;
         let Some(steps) = steps else { return };
@@ -91,18 +183,6 @@ impl Sums {
         self.reached += 1;
         self.weights += f64::from(shortest) / f64::from(steps.max(shortest));
         self.ratios += f64::from(steps.max(1)) / f64::from(shortest);
-    }
-
-    fn success(self) -> Option<f64> {
-        (self.tasks > 0).then(|| self.reached as f64 / self.tasks as f64)
-    }
-
-    fn spl(self) -> Option<f64> {
-        (self.tasks > 0).then(|| self.weights / self.tasks as f64)
-    }
-
-    fn steps_ratio(self) -> Option<f64> {
-        (self.reached > 0).then(|| self.ratios / self.reached as f64)
     }
 }
 
@@ -116,22 +196,24 @@ impl Score {
             all.add(task, *steps);
             groups[task.group].add(task, *steps);
         }
+        let mean = |sum: f64, count: usize| (count > 0).then(|| sum / count as f64);
         let by_distance =
             set.distances.iter().zip(&groups).map(|(distance, group)| DistanceScore {
                 distance_steps: distance.filter(|_| set.unit == DistanceUnit::Steps),
                 distance_cm: distance.filter(|_| set.unit == DistanceUnit::Centimetres),
                 tasks: group.tasks,
-                success: group.success(),
-                spl: group.spl().filter(|_| known),
+                success: mean(group.reached as f64, group.tasks),
+                spl: mean(group.weights, group.tasks).filter(|_| known),
             });
         Self {
-            success: all.success(),
-            spl: all.spl().filter(|_| known),
-            steps_ratio: all.steps_ratio().filter(|_| known),
+            success: mean(all.reached as f64, all.tasks),
+            spl: mean(all.weights, all.tasks).filter(|_| known),
+            steps_ratio: mean(all.ratios, all.reached).filter(|_| known),
             by_distance: by_distance.collect(),
         }
     }
 }
+
 /// Returns Spearman's rank correlation; ties share their mean rank. 0 if either input is constant.
 pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
     let (ra, rb) = (ranks(a), ranks(b));

@@ -10,18 +10,17 @@ use crate::env::{EnvSettings, Goals, Restart};
 use crate::learn::LearnSettings;
 use crate::settings::Effect::NewAgents;
 use crate::settings::Preset::{Paper, Sb3, Tuned};
-use crate::settings::{Auto, Preset, Setting, Values, settings, without};
+use crate::settings::{Auto, GROUPS, Preset, Setting, Values, settings, without};
 
 /// All settings, in the order in which they are listed: group by group.
 pub static SETTINGS: LazyLock<Vec<Setting>> = LazyLock::new(|| {
     let modules = [LearnSettings::ENTRIES, TrainSettings::ENTRIES, BridgeSettings::ENTRIES];
     let mut settings = modules.concat();
-    settings.sort_by_key(|setting| setting.group);
+    settings.sort_by_key(|setting| GROUPS.iter().position(|group| *group == setting.group));
     settings
 });
 
 impl Setting {
-    /// Returns the setting called `name`.
     pub fn named(name: &str) -> Option<&'static Self> {
         SETTINGS.iter().find(|setting| setting.name == name)
     }
@@ -30,24 +29,19 @@ impl Setting {
 /// The values of all settings, serialised as one flat list of names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Networks, losses and batches.
     #[serde(flatten)]
     pub learn: LearnSettings,
-    /// Candidates, edges, search and planning.
     #[serde(flatten)]
     pub bridge: BridgeSettings,
-    /// Agents, episodes and exploration.
     #[serde(flatten)]
     pub train: TrainSettings,
 }
 
-/// A setting whose value is out of range.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("the setting {} is out of range", .0.name)]
 pub struct OutOfRange(pub &'static Setting);
 
 impl Preset {
-    /// Returns the preset's settings.
     pub fn settings(self) -> Settings {
         Settings {
             learn: LearnSettings::of(self),
@@ -57,27 +51,15 @@ impl Preset {
     }
 }
 
-/// When due updates are run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UpdateWhen {
-    /// As soon as the agents have taken enough steps.
     Step,
     /// At the end of each episode, as in Algorithm 1.
     EpisodeEnd,
 }
 
-/// The longest episode, in steps.
 const MAX_EPISODE_STEPS: u32 = 60_000;
-
-/// The most environment steps per update: seconds of exploring.
-const MAX_ENV_STEPS_PER_UPDATE: u64 = 1_000_000;
-
-/// The most environment steps before the first update: as many as the largest replay buffer holds.
-const MAX_LEARNING_STARTS: u64 = 100_000_000;
-
-/// Largest number of updates before agents act.
-const MAX_OFFLINE_UPDATES: u64 = 1_000_000_000;
 
 /// Automatic episodes are at least this long, in steps ...
 pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
@@ -89,23 +71,22 @@ pub(crate) const EPISODE_FACTOR: f32 = 3.0;
 pub(crate) const RANDOM_HOLD_STEPS: f32 = 10.0;
 
 settings! {
-    /// Settings of agents, episodes and exploration.
     pub struct TrainSettings {
-        Optimiser {
+        optimiser {
             env_steps_per_update: u64 = 16, Paper | Sb3 => 1, Tuned => 2;
                 "environment steps, summed over all agents, per update",
-                values: Values::count(1, MAX_ENV_STEPS_PER_UPDATE), unit: "steps";
+                values: Values::count(1, 1_000_000), unit: "steps";
             update_when: UpdateWhen = UpdateWhen::Step, Paper => UpdateWhen::EpisodeEnd;
                 "run updates as soon as they are due or, as in Algorithm 1, after each episode",
                 values: Values::word(&["step", "episode-end"]);
             learning_starts: u64 = 4_000, Paper => 1_000, Sb3 => 100;
                 "environment steps before the first update",
-                values: Values::count(0, MAX_LEARNING_STARTS), unit: "steps";
+                values: Values::count(0, 100_000_000), unit: "steps";
         }
-        Agents {
+        agents {
             offline_updates: u64 = 0;
                 "with --data, updates from the data alone before agents act as well; 0: they never do",
-                values: Values::count(0, MAX_OFFLINE_UPDATES), unit: "updates";
+                values: Values::count(0, 1_000_000_000), unit: "updates";
             agents: usize = 32, Paper | Sb3 => 1;
                 "agents exploring in parallel",
                 values: Values::count(1, 4096), effect: NewAgents;
@@ -144,7 +125,7 @@ settings! {
                 "standard deviation of the noise added to every action by the environment",
                 values: Values::number(0.0, 100.0);
         }
-        Exploration {
+        exploration {
             random_actions: f32 = 0.3, Paper | Sb3 => 0.0;
                 "fraction of steps in a random direction instead of the actor's",
                 values: Values::FRACTION;
@@ -156,7 +137,6 @@ settings! {
 }
 
 impl TrainSettings {
-    /// Returns the settings of the environment.
     pub fn env(&self) -> EnvSettings {
         EnvSettings { restart: self.restart, goals: self.goals, noise: self.env_noise }
     }
@@ -174,10 +154,6 @@ impl Settings {
         }
     }
 
-    /// Checks every value's range and the constraints between settings.
-    ///
-    /// # Errors
-    /// The first setting that is out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
         self.validate_ranges()?;
         demand(self.contradicting_goals().is_empty(), "goals")?;
@@ -185,9 +161,6 @@ impl Settings {
     }
 
     /// Checks every value's own range.
-    ///
-    /// # Errors
-    /// The first setting that is out of range.
     pub fn validate_ranges(&self) -> Result<(), OutOfRange> {
         let values = self.values();
         let is_valid = |setting: &Setting| setting.values.accept(&values[setting.name]);
@@ -210,8 +183,7 @@ impl Settings {
             .collect()
     }
 
-    /// Returns the smallest buffer that holds an episode of every agent.
-    pub fn needed_buffer_size(&self) -> usize {
+    pub(crate) fn needed_buffer_size(&self) -> usize {
         self.train.agents.saturating_mul(self.min_episode_steps() as usize + 1)
     }
 
@@ -220,7 +192,6 @@ impl Settings {
         self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS)
     }
 
-    /// Returns the longest episode that fits into each agent's share of the replay buffer.
     fn max_episode_steps(&self) -> u32 {
         let share = (self.learn.buffer_size / self.train.agents).saturating_sub(1);
         u32::try_from(share).unwrap_or(u32::MAX).min(MAX_EPISODE_STEPS)
@@ -238,10 +209,128 @@ impl Settings {
     }
 }
 
-/// Returns an error for `setting` unless its condition `holds`.
 fn demand(holds: bool, setting: &str) -> Result<(), OutOfRange> {
     Setting::named(setting).filter(|_| !holds).map_or(Ok(()), |setting| Err(OutOfRange(setting)))
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    //! Every setting does what its entry says.
+
+    use serde_json::json;
+
+    use super::*;
+    use crate::settings::{Excluded, Kind};
+    use crate::train::with_setting;
+
+    fn with(setting: &Setting, value: Value) -> Option<Settings> {
+        let mut values = Settings::default().values();
+        if setting.name == "goal_random" {
+            // Leaves room for all of its own range.
+            values["goal_hindsight"] = 0.into();
+        }
+        values.insert(setting.name.to_owned(), value);
+        serde_json::from_value(Value::Object(values)).ok()
+    }
+
+    fn number(value: f32) -> Value {
+        let text = serde_json::to_string(&value).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or(Value::Null)
+    }
+
+    /// Returns the outermost values of this kind, and those beyond.
+    fn bounds(kind: Kind) -> [Vec<Value>; 2] {
+        match kind {
+            Kind::Switch => [vec![true.into(), false.into()], vec![0.into()]],
+            Kind::Word(words) => {
+                [words.iter().map(|word| (*word).into()).collect(), vec!["other".into(), 1.into()]]
+            }
+            Kind::Count { from, to } => {
+                let beyond = [from.checked_sub(1), to.checked_add(1)].into_iter().flatten();
+                let fraction = json!(from as f64 + 0.5);
+                [vec![from.into(), to.into()], beyond.map(Value::from).chain([fraction]).collect()]
+            }
+            Kind::Number { from, to, excluded, .. } => {
+                let lower = matches!(excluded, Excluded::Lower | Excluded::Both);
+                let upper = matches!(excluded, Excluded::Upper | Excluded::Both);
+                let from = if lower { [from.next_up(), from] } else { [from, from.next_down()] };
+                let to = if upper { [to.next_down(), to] } else { [to, to.next_up()] };
+                [0, 1].map(|k| vec![number(from[k]), number(to[k])])
+            }
+            Kind::Numbers { max_len, from, to } => {
+                let list = |value: f32, len: usize| Value::from(vec![number(value); len]);
+                let beyond = [from.next_down(), to.next_up()].map(|value| list(value, 1));
+                [
+                    vec![list(from, max_len), list(to, 1), list(1.0, 0)],
+                    [&beyond[..], &[list(1.0, max_len + 1)]].concat(),
+                ]
+            }
+        }
+    }
+
+    #[test]
+    fn the_documented_bounds_are_the_checked_ones() {
+        for setting in SETTINGS.iter() {
+            let accepted = |value: &Value| {
+                let settings = with(setting, value.clone());
+                settings.is_some_and(|settings| match settings.validate_ranges() {
+                    Ok(()) => settings.values()[setting.name] == *value,
+                    Err(OutOfRange(wrong)) => wrong.name != setting.name,
+                })
+            };
+            let [mut valid, mut invalid] = bounds(setting.values.kind);
+            if setting.values.or_auto {
+                valid.push("auto".into());
+                invalid.push("automatic".into());
+            }
+            let wrong = valid.iter().find(|value| !accepted(value));
+            let wrong = wrong.or(invalid.iter().find(|value| accepted(value)));
+            assert!(wrong.is_none(), "{}: {wrong:?}, {}", setting.name, setting.values);
+        }
+    }
+
+    #[test]
+    fn presets_and_ablations_are_valid() {
+        for preset in Preset::ALL {
+            assert!(preset.settings().validate().is_ok(), "{}", preset.name());
+        }
+        let default = Settings::default();
+        for setting in SETTINGS.iter() {
+            assert!(GROUPS.contains(&setting.group), "{}", setting.name);
+            let Some(ablation) = setting.ablation else { continue };
+            let changed = with_setting(&default, setting.name, ablation.value);
+            assert!(changed.is_ok_and(|changed| changed != default), "{}", ablation.name);
+        }
+    }
+
+    #[test]
+    fn the_maps_goal_alone_and_what_contradicts_it_are_refused_together() {
+        let mut own = Preset::Paper.settings();
+        let map_only = |own: &Settings| with_setting(own, "goals", "map");
+        let error = map_only(&own).expect_err("goals nearby, starts anywhere");
+        assert_eq!(error.help, "set near_goals=0 and restart=start-cell as well");
+        own.train.near_goals = 0.0;
+        for (restart, fits) in [
+            (Restart::Anywhere, false),
+            (Restart::Never, false),
+            (Restart::Auto, true),
+            (Restart::StartCell, true),
+        ] {
+            own.train.restart = restart;
+            assert_eq!(map_only(&own).is_ok(), fits, "{restart:?}");
+        }
+    }
+
+    #[test]
+    fn episodes_grow_with_what_is_known_as_far_as_the_buffer_allows() {
+        let mut settings = Settings::default();
+        assert_eq!(
+            [0.0, 40.0, 240.0].map(|longest| settings.episode_steps(longest)),
+            [150, 150, 720]
+        );
+        settings.learn.buffer_size = 32 * 201;
+        assert_eq!(settings.episode_steps(240.0), 200);
+        settings.train.episode_steps = Auto::Given(77);
+        assert_eq!(settings.episode_steps(240.0), 77);
+    }
+}

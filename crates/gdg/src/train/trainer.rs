@@ -3,10 +3,8 @@
 
 mod change;
 mod data;
-mod graph;
-mod pace;
+mod graphs;
 mod persistence;
-mod recovery;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -14,14 +12,14 @@ use std::time::Instant;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::error::TrainError;
-use super::evaluate::{Evaluation, EvaluationJob};
+use super::TrainError;
+use super::evaluate::EvaluationJob;
 use super::film::Film;
-use super::graphs::{BuiltGraph, Graphs};
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
 use super::rollout::{Rollout, RoundResult, StepContext};
-use super::run::{Counters, EndReason, Limits, Run, Tick};
+use super::run::{Counters, EndReason, Limits, Pace, Run, Tick};
+use super::score::Evaluation;
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
@@ -31,14 +29,12 @@ use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
     ReplaySizes, Scratch, Stage, Threads, TrainingData,
 };
-pub use change::{KeptState, WorldChange, resets_networks};
+pub use change::{WorldChange, resets_networks};
 use data::Data;
 pub use data::LeftOut;
-pub use pace::Pace;
-use pace::PacedFrom;
-pub use persistence::{About, Saved};
-use recovery::LastGood;
-pub use recovery::Recovery;
+use graphs::{BuiltGraph, Graphs};
+use persistence::LastGood;
+pub use persistence::{About, Recovery, Saved};
 
 /// Losses are reported as running means over about this many updates.
 pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
@@ -54,7 +50,6 @@ enum Stream {
     Data = 5,
 }
 
-/// A run in progress.
 pub struct Trainer {
     run: Run,
     registry: Arc<Registry>,
@@ -77,7 +72,9 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
-    paced_from: Option<PacedFrom>,
+    /// Counters and seconds at the first update in this process, or with these settings, and then at
+    /// the first one with a bridge graph if the run needs one: whether no graph is still to come.
+    paced_from: Option<(Counters, f64, bool)>,
     job: Job,
 }
 
@@ -89,7 +86,6 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
 
 type Result<T> = std::result::Result<T, TrainError>;
 
-/// Creates a fresh learner for `run` in a world with `spec`.
 fn new_learner(
     run: &Run,
     spec: &Spec,
@@ -100,7 +96,6 @@ fn new_learner(
     Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
 }
 
-/// Forks and configures `world` for the agents of `run`.
 fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
     let has_task = || world.abilities().episodes.and_then(Episodes::default_task).is_some();
     if run.settings.train.goals == Goals::Map && !has_task() {
@@ -111,16 +106,10 @@ fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>
     Ok(world)
 }
 
-/// Places new agents for `run` in a fork of `world`.
 fn new_rollout(run: &Run, world: &dyn Environment) -> Result<Rollout> {
     Ok(Rollout::new(fork_world(run, world)?, stream(run.seed, Stream::Explore))?)
 }
 
-fn new_replay(run: &Run, spec: &Spec) -> Replay {
-    Replay::new(ReplaySizes::of(spec), run.settings.train.agents, run.settings.learn.buffer_size)
-}
-
-/// Creates an empty set of candidates for the method's planner.
 fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
     Candidates::new(spec, run.settings.train.agents, &run.bridge())
 }
@@ -128,9 +117,6 @@ fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
 impl Trainer {
     /// Creates a new run in `world`. `threads` share the work of each update without changing its
     /// result.
-    ///
-    /// # Errors
-    /// The method's learner is not registered or cannot be created, or the world fails.
     pub fn new(
         run: Run,
         world: &dyn Environment,
@@ -143,7 +129,11 @@ impl Trainer {
         Ok(Self {
             visits: Visits::none(world),
             rollout,
-            replay: new_replay(&run, spec),
+            replay: Replay::new(
+                ReplaySizes::of(spec),
+                run.settings.train.agents,
+                run.settings.learn.buffer_size,
+            ),
             data: None,
             batch_rng: stream(run.seed, Stream::Batch),
             candidates: new_candidates(&run, spec),
@@ -177,46 +167,39 @@ impl Trainer {
 
     /// Shares a job with those that wait for the trainer.
     pub fn set_job(&mut self, job: Job) {
-        self.rollout.env_mut().share_job(&job);
+        self.rollout.env.share_job(&job);
         self.job = job;
     }
 
-    /// Returns the definition of the run.
     pub fn run(&self) -> &Run {
         &self.run
     }
 
-    /// Returns the registry of worlds and learners that the run may be changed to.
     pub fn registry(&self) -> &Arc<Registry> {
         &self.registry
     }
 
-    /// Returns the world with the exploring agents.
     pub fn world(&self) -> &dyn Environment {
         self.rollout.env()
     }
 
-    /// Returns what a front end draws of the world.
     pub fn scene(&self) -> Scene {
         self.visits.scene(self.world())
     }
 
-    /// Returns the share of the world that the agents have explored, if it is defined.
     pub fn coverage(&self) -> Option<f64> {
         self.visits.coverage(self.world())
     }
 
     /// Returns the world mutably, to change its evaluation tasks.
     pub fn world_mut(&mut self) -> &mut dyn Environment {
-        self.rollout.env_mut()
+        &mut *self.rollout.env
     }
 
-    /// Returns the specification of states, goals and actions.
     pub fn spec(&self) -> &Spec {
         self.world().spec()
     }
 
-    /// Returns the progress of the run.
     pub fn counters(&self) -> Counters {
         self.counters
     }
@@ -226,23 +209,19 @@ impl Trainer {
         self.seconds
     }
 
-    /// Returns the time that this process has spent per training stage.
     pub fn profile(&self) -> &Profile {
         &self.profile
     }
 
-    /// Returns the running means of the losses.
     pub fn losses(&self) -> Losses {
         let [critic, model, actor] = self.counters.losses.map(|l| l as f32);
         Losses { critic, model, actor }
     }
 
-    /// Returns the agents.
     pub fn rollout(&self) -> &Rollout {
         &self.rollout
     }
 
-    /// Returns the learner.
     pub fn learner(&self) -> &dyn Learner {
         &*self.learner
     }
@@ -258,27 +237,23 @@ impl Trainer {
         self.history.methods().learned(self.counters.updates, self.learns())
     }
 
-    /// Returns the replay buffer.
     pub fn replay(&self) -> &Replay {
         &self.replay
     }
 
-    /// Returns the bridge candidates and observed paths between them.
     pub fn candidates(&self) -> &Candidates {
         &self.candidates
     }
 
     /// Returns the bridge graph that agents plan on, once there is one.
     pub fn graph(&self) -> Option<&BridgeGraph> {
-        self.graphs.current().map(|built| &*built.graph)
+        self.graphs.current.as_ref().map(|built| &*built.graph)
     }
 
-    /// Returns the latest bridge search.
-    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
-        self.rollout.last_search()
+    pub(crate) fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
+        self.rollout.last_search.as_ref()
     }
 
-    /// Returns the first of `limits` that has been reached.
     pub fn limit_reached(&self, limits: &Limits) -> Option<EndReason> {
         let steps_done = |n| self.counters.env_steps >= n && !self.is_update_due();
         let reached = [
@@ -290,13 +265,16 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
+    pub fn pace(&self) -> Pace {
+        let now = (self.counters, self.seconds);
+        let from = self.paced_from.map_or(now, |(counters, seconds, _)| (counters, seconds));
+        Pace { from, now }
+    }
+
     /// Runs one update if one is due, else one step of every agent; both if the world computes its
     /// steps elsewhere and an update is due afterwards, which then does not see the outcome of the
     /// step.
-    ///
-    /// # Errors
-    /// The learner fails, the run has diverged with no rollbacks left, or the world fails: the run
-    /// can then be saved.
+    /// Where it fails, the run can be saved.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
         self.job.beat();
@@ -308,13 +286,15 @@ impl Trainer {
         }
         self.seconds += began.elapsed().as_secs_f64();
         if tick == Tick::Update {
-            self.note_pace();
+            let is_steady = self.graph().is_some() || !self.needs_graph();
+            if self.paced_from.is_none_or(|(.., was_steady)| is_steady && !was_steady) {
+                self.paced_from = Some((self.counters, self.seconds, is_steady));
+            }
         }
         Ok(tick)
     }
 
-    /// Whether the next tick is an update.
-    pub fn is_update_due(&self) -> bool {
+    pub(crate) fn is_update_due(&self) -> bool {
         // Without a warm-up, an update can be due before any agent's second state is known.
         let owed = self.counters.owed_steps >= self.run.settings.train.env_steps_per_update;
         (owed || !self.acts()) && self.replay.has_transitions()
@@ -325,7 +305,10 @@ impl Trainer {
             self.roll_back()?;
             return Ok(Tick::Step);
         };
-        let learns = self.learns_from_round();
+        // Not during the warm-up.
+        let learns = self.data.is_some()
+            || self.counters.env_steps + self.round_steps()
+                > self.run.settings.train.learning_starts;
         let owed = self.counters.owed_steps + self.counters.deferred_steps + self.round_steps();
         let due = learns
             && self.run.settings.train.update_when == UpdateWhen::Step
@@ -346,15 +329,8 @@ impl Trainer {
         Ok(Tick::Step)
     }
 
-    /// Returns how many steps a round of all agents has.
     fn round_steps(&self) -> u64 {
         self.run.settings.train.agents as u64
-    }
-
-    /// Whether updates are owed for the next round: not during the warm-up.
-    fn learns_from_round(&self) -> bool {
-        self.counters.env_steps + self.round_steps() > self.run.settings.train.learning_starts
-            || self.data.is_some()
     }
 
     /// Runs an update while the world computes a round of steps, if it has begun one.
@@ -364,16 +340,15 @@ impl Trainer {
         let waited = self.wait_for_world();
         updated?;
         waited?;
-        if self.rollout.has_begun() {
+        if self.rollout.round.is_some() {
             self.finish_step()?;
         }
         self.film_learning()?;
         Ok(Tick::Update)
     }
 
-    /// Waits for the round of steps begun, if there is one.
     fn wait_for_world(&mut self) -> Result<()> {
-        if !self.rollout.has_begun() {
+        if self.rollout.round.is_none() {
             return Ok(());
         }
         // Those in other processes may take long, or hang.
@@ -381,36 +356,34 @@ impl Trainer {
         Ok(self.rollout.wait()?)
     }
 
-    /// Ends the round of steps begun and counts it.
     fn finish_step(&mut self) -> Result<RoundResult> {
         self.wait_for_world()?;
         let round = self.with_step_context(Rollout::finish)??;
-        self.visits.count(self.rollout.env());
+        self.visits.add(self.rollout.env(), self.rollout.env().states());
         self.counters.env_steps += self.round_steps();
         self.counters.episodes += round.episodes;
         self.counters.goals_reached += round.reached;
         Ok(round)
     }
 
-    /// Returns the current length of an episode, in steps.
     pub fn episode_steps(&self) -> u32 {
         let settings = &self.run.settings;
         let own = self.world().abilities().episodes.and_then(Episodes::episode_steps);
         match (settings.train.episode_steps.given(), own) {
             (None, Some(of_world)) => of_world,
-            _ => settings
-                .episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
+            _ => settings.episode_steps(
+                self.graphs.current.as_ref().map_or(0.0, |built| built.longest_steps),
+            ),
         }
     }
 
-    /// Calls `act` with the agents and their step context.
     fn with_step_context<R>(
         &mut self,
         mut act: impl FnMut(&mut Rollout, &mut StepContext) -> R,
     ) -> Result<R> {
         let episode_steps = self.episode_steps();
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
-        let graph = graphs.current().map(|built| &*built.graph);
+        let graph = graphs.current.as_ref().map(|built| &*built.graph);
         let (acting, settings) = (learner.acting(), &run.settings);
         let mut done = None;
         learner.with_policy(false, &mut |policy| {
@@ -428,7 +401,6 @@ impl Trainer {
         done.ok_or_else(|| LearnError::Other("the learner has shown no policy".into()).into())
     }
 
-    /// Learns from a batch.
     fn update(&mut self) -> Result<()> {
         // With data, updates are due without steps.
         let steps = self.run.settings.train.env_steps_per_update;
@@ -443,7 +415,7 @@ impl Trainer {
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
         let Self { learner, replay, graphs, batch_rng, profile, job, .. } = self;
         let known =
-            graphs.current().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
+            graphs.current.as_ref().and_then(|BuiltGraph { graph, distilled, changed, .. }| {
                 Some(KnownDistances {
                     states: graph.candidates().states(),
                     goals: graph.candidates().goal_index(),
@@ -490,18 +462,12 @@ impl Trainer {
     }
 
     /// Returns a frozen copy of the networks for planning and evaluation.
-    ///
-    /// # Errors
-    /// The learner fails.
     pub fn policy(&self) -> Result<Arc<dyn Policy>> {
         Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
     }
 
     /// Draws `per_group` tasks at each distance for an evaluation of the current state,
     /// independently of the number of earlier evaluations.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn tasks(&self, per_group: usize) -> Result<TaskSet> {
         Ok(self.world().tasks(per_group, &mut self.evaluation_rng(1))?)
     }
@@ -514,12 +480,8 @@ impl Trainer {
     }
 
     /// Prepares an evaluation of the current state, which does not affect training.
-    ///
-    /// # Errors
-    /// The learner or the world fails.
     pub fn evaluation(&self) -> Result<EvaluationJob> {
         Ok(EvaluationJob {
-            run: self.run.clone(),
             world: self.world().fork(0)?,
             policy: self.policy()?,
             acting: self.learner.acting(),
@@ -531,36 +493,27 @@ impl Trainer {
         })
     }
 
-    /// Evaluates against ground truth.
-    ///
-    /// # Errors
-    /// The learner or the world fails.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
         Ok(self.evaluation()?.run(tasks)?)
     }
 
-    /// Returns the history: curves, evaluations and event log.
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// Returns the film: D and the agents at some of the updates so far.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
-    /// Returns how far the run is.
     pub fn moment(&self) -> Moment {
         let Counters { updates, env_steps, .. } = self.counters;
         Moment { updates, env_steps, seconds: self.seconds }
     }
 
-    /// Adds an evaluation to the history.
     pub fn record_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
         self.history.add_evaluation(made, evaluation);
     }
 
-    /// Replaces what the front end keeps in checkpoints.
     pub fn set_notes(&mut self, notes: Notes) {
         self.history.notes = notes;
     }

@@ -12,17 +12,10 @@ use crate::store::StoreError;
 pub struct Visits(Arc<Vec<u32>>);
 
 impl Visits {
-    /// Returns no visits to any place of `world`.
     pub fn none(world: &dyn Environment) -> Self {
         Self(Arc::new(vec![0; world.abilities().explored.map_or(0, Explored::places)]))
     }
 
-    /// Counts the agents' current places.
-    pub fn count(&mut self, world: &dyn Environment) {
-        self.add(world, world.states());
-    }
-
-    /// Counts the places of states, `(states, state_dim)`.
     pub fn add(&mut self, world: &dyn Environment, states: &[f32]) {
         let Some(explored) = world.abilities().explored else { return };
         let visits = Arc::make_mut(&mut self.0);
@@ -32,7 +25,6 @@ impl Visits {
         }
     }
 
-    /// Keeps the visits if `world` has as many places; otherwise forgets them.
     pub fn enter(&mut self, world: &dyn Environment) {
         let fresh = Self::none(world);
         if fresh.0.len() != self.0.len() {
@@ -40,12 +32,10 @@ impl Visits {
         }
     }
 
-    /// Returns the share of `world` that has been explored, if it has places.
     pub fn coverage(&self, world: &dyn Environment) -> Option<f64> {
         world.abilities().explored.map(|explored| explored.coverage(&self.0))
     }
 
-    /// Returns what a front end draws of `world`.
     pub fn scene(&self, world: &dyn Environment) -> Scene {
         match world.abilities().drawn {
             Some(drawn) => drawn.scene(&self.0),
@@ -53,15 +43,8 @@ impl Visits {
         }
     }
 
-    /// Returns the visits in a checkpoint if they can be those to the places of `world`.
-    ///
-    /// # Errors
-    /// There are more or fewer.
-    pub fn fitting(self, world: &dyn Environment) -> Result<Self, StoreError> {
-        if self.0.len() == Self::none(world).0.len() {
-            Ok(self)
-        } else {
-            Err(StoreError::inconsistent("the stored visits do not fit the map"))
-        }
+    pub fn check(&self, world: &dyn Environment) -> Result<(), StoreError> {
+        let fits = self.0.len() == Self::none(world).0.len();
+        StoreError::unless(fits, "the stored visits do not fit the map")
     }
 }

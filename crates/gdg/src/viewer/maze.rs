@@ -165,7 +165,7 @@ impl SceneWorker for MazeWorker {
             self.shown.changed = true;
         }
         self.refresh_exploration(pause_factor(snapshot));
-        if self.pilot.refresh(snapshot, self.world.spec()) {
+        if self.pilot.refresh(snapshot) {
             self.view.graph = Arc::new(self.pilot.shown_graph());
             self.shown.changed = true;
         }

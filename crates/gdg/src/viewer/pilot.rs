@@ -8,9 +8,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::{RefreshTimer, pause_factor, push_to_trail};
-use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Guide, Walker};
+use crate::bridge::{BridgeGraph, EdgeStatus, Guide, Walker};
 use crate::engine::{Networks, Snapshot};
-use crate::env::{EnvError, Environment, Spec};
+use crate::env::{EnvError, Environment};
 use crate::learn::Scratch;
 use crate::train::Run;
 
@@ -79,7 +79,6 @@ impl Graph {
 /// Policy and plan of the walking agent.
 pub(super) struct Pilot {
     run: Arc<Run>,
-    bridge: BridgeSettings,
     /// Networks that the graph was built from and the agent uses.
     networks: Arc<Networks>,
     graph: Option<BridgeGraph>,
@@ -92,7 +91,6 @@ impl Pilot {
     pub fn new(snapshot: &Snapshot) -> Self {
         Self {
             run: snapshot.run.clone(),
-            bridge: snapshot.run.bridge(),
             networks: snapshot.networks.clone(),
             graph: None,
             walker: None,
@@ -103,9 +101,9 @@ impl Pilot {
 
     /// Changes to the run and the networks of `snapshot` and rebuilds the graph, if that is due;
     /// returns whether it did.
-    pub fn refresh(&mut self, snapshot: &Snapshot, spec: &Spec) -> bool {
+    pub fn refresh(&mut self, snapshot: &Snapshot) -> bool {
         if !Arc::ptr_eq(&snapshot.run, &self.run) {
-            (self.run, self.bridge) = (snapshot.run.clone(), snapshot.run.bridge());
+            self.run = snapshot.run.clone();
             self.forget_graph();
         }
         let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
@@ -114,9 +112,11 @@ impl Pilot {
             let began = Instant::now();
             self.networks = snapshot.networks.clone();
             let Networks { policy, candidates } = &*self.networks;
-            self.graph = self.run.method.plans().then(|| {
-                BridgeGraph::build(spec, &self.bridge, candidates, &**policy, &mut self.scratch)
-            });
+            self.graph = self
+                .run
+                .method
+                .plans()
+                .then(|| BridgeGraph::build(candidates, &**policy, &mut self.scratch));
             // Candidates may have moved, so the walk is replanned.
             self.walker = None;
             self.timer.done(began);
@@ -306,7 +306,7 @@ impl Reacher {
 
     /// Changes to the latest networks, if that is due; returns whether the graph has changed.
     pub fn refresh(&mut self, snapshot: &Snapshot) -> bool {
-        self.world.as_ref().is_some_and(|world| self.pilot.refresh(snapshot, world.spec()))
+        self.world.is_some() && self.pilot.refresh(snapshot)
     }
 
     /// Moves the agent by one step; gives up after `most` steps. At the goal it goes on, to stay

@@ -1,4 +1,4 @@
-//! Paths that trajectories have shown between candidates.
+//! What trajectories and walks have shown of the ways between candidates.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,7 +20,6 @@ pub(super) const AT_SHARE: f32 = 0.3;
 /// end up to a goal radius off.
 const CONFIRMED_SLACK_STEPS: u16 = 3;
 
-/// The path from one candidate to another, as trajectories have shown it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Path {
     /// Index of the other candidate.
@@ -49,7 +48,6 @@ impl Path {
         if confirmed || self.passes < DOUBT_PASSES { self.fewest } else { exact }
     }
 
-    /// Returns the path that this and one more trajectory to the same candidate have shown.
     fn and(&self, other: &Self) -> Self {
         Self {
             to: self.to,
@@ -70,7 +68,6 @@ pub(super) struct KnownPaths {
 }
 
 impl KnownPaths {
-    /// Records a path that one trajectory has shown.
     pub fn observe(this: &mut Arc<Self>, path: Path) {
         match this.observed.binary_search_by_key(&path.to, |path| path.to) {
             Ok(at) => {
@@ -84,14 +81,12 @@ impl KnownPaths {
         }
     }
 
-    /// Whether these can be the paths from candidate `from` of `count`.
     pub fn fit(&self, from: usize, count: usize) -> bool {
         self.observed.is_sorted_by(|a, b| a.to < b.to)
             && self.observed.iter().all(|path| path.to as usize != from)
             && self.observed.last().is_none_or(|last| (last.to as usize) < count)
     }
 
-    /// Returns the path to candidate `to`, if any trajectory has shown one.
     pub fn to(&self, to: u32) -> Option<&Path> {
         let at = self.observed.binary_search_by_key(&to, |path| path.to).ok()?;
         Some(&self.observed[at])
@@ -105,21 +100,62 @@ impl KnownPaths {
     }
 }
 
-/// Rows that frozen copies share, as if they did not.
-pub(super) mod rows {
-    use serde::{Deserialize, Deserializer, Serializer};
+/// Number of bins by length, one step each; longer hops share the last.
+const LENGTHS: usize = 32;
 
-    use super::{Arc, KnownPaths};
+/// Decay of earlier outcomes with each new one, as the actor keeps learning.
+pub(crate) const HOP_FORGETTING: f32 = 0.99;
 
-    pub fn serialize<S: Serializer>(rows: &[Arc<KnownPaths>], to: S) -> Result<S::Ok, S::Error> {
-        to.collect_seq(rows.iter().map(|row| &**row))
+/// Outcomes of hops by D at their start. Hops into walls that the networks have not learned yet and
+/// hops that are too long for the actor fail alike: plans should prefer shorter ones.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HopOutcomes {
+    /// Discounted numbers of hops that arrived in time and of hops that did not, by whole steps of
+    /// D.
+    counts: [[f32; 2]; LENGTHS],
+}
+
+impl Default for HopOutcomes {
+    fn default() -> Self {
+        Self { counts: [[0.0; 2]; LENGTHS] }
+    }
+}
+
+impl HopOutcomes {
+    pub fn record(&mut self, distance: f32, arrived: bool) {
+        let counts = &mut self.counts[bin(distance)];
+        *counts = counts.map(|count| HOP_FORGETTING * count);
+        counts[usize::from(!arrived)] += 1.0;
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<Vec<Arc<KnownPaths>>, D::Error> {
-        Vec::deserialize(from).map(|rows: Vec<_>| rows.into_iter().map(Arc::new).collect())
+    /// Returns the expected number of failures before a hop of this length arrives; 0 before any is
+    /// known.
+    pub fn failures(&self, distance: f32) -> f32 {
+        let [arrived, failed] = self.counts[bin(distance)];
+        failed / (arrived + 1.0)
     }
+
+    /// Returns the failures per arrival of hops of up to `distance` steps, pooled over their
+    /// lengths.
+    pub fn failures_within(&self, distance: f32) -> f32 {
+        let [arrived, failed] = self.counts[..=bin(distance)]
+            .iter()
+            .fold([0.0; 2], |[a, f], [arrived, failed]| [a + arrived, f + failed]);
+        failed / (arrived + 1.0)
+    }
+
+    pub fn counts(&self) -> &[[f32; 2]] {
+        &self.counts
+    }
+
+    pub(super) fn is_plausible(&self) -> bool {
+        let most = 1.0 / (1.0 - HOP_FORGETTING) + 1.0;
+        self.counts.as_flattened().iter().all(|count| (0.0..=most).contains(count))
+    }
+}
+
+fn bin(distance: f32) -> usize {
+    (distance as usize).min(LENGTHS - 1)
 }
 
 #[cfg(test)]
@@ -160,5 +196,24 @@ mod tests {
         assert!(Arc::ptr_eq(&paths, &frozen));
         KnownPaths::observe(&mut paths, Path::new(3, 1, [false, false]));
         assert!(!Arc::ptr_eq(&paths, &frozen) && frozen.to(3).map(Path::steps) == Some(2));
+    }
+    #[test]
+    fn failures_are_expected_where_hops_of_the_same_length_have_failed_lately() {
+        let mut hops = HopOutcomes::default();
+        assert_eq!(hops.failures(7.0), 0.0);
+        for _ in 0..300 {
+            hops.record(2.5, true);
+            hops.record(7.9, true);
+            hops.record(7.1, false);
+            hops.record(1e9, false);
+        }
+        assert_eq!(hops.failures(2.0), 0.0);
+        assert!((hops.failures(7.5) - 1.0).abs() < 0.05, "{}", hops.failures(7.5));
+        assert_eq!(hops.failures(8.5), 0.0, "another length");
+        assert!((hops.failures_within(7.0) - 0.33).abs() < 0.05, "{}", hops.failures_within(7.0));
+        assert_eq!(hops.failures_within(6.9), 0.0);
+        assert!(hops.failures(500.0) > 50.0 && hops.is_plausible());
+        (0..500).for_each(|_| hops.record(7.0, true));
+        assert!(hops.failures(7.0) < 0.01, "the actor has learned: {}", hops.failures(7.0));
     }
 }

@@ -1,11 +1,13 @@
-//! How close together candidates lie.
+//! How close together candidates lie, and what they forget after an edit of the world.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use pathfinding::directed::dijkstra::dijkstra_reach;
 
-use super::{Candidates, KnownPaths, Path, Visit};
+use super::{Candidates, KnownPaths, Path, UNOBSERVED, Visit};
+use crate::bridge::BridgeSettings;
+use crate::env::Region;
 use crate::learn::GoalIndex;
 
 /// The spacing grows to at most this share of the edge cut-off: edges could hardly connect
@@ -16,7 +18,6 @@ pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 /// necessary.
 const SPACING_GROWTH: f32 = 1.02;
 
-/// Factor by which it shrinks.
 const SPACING_SHRINKAGE: f32 = 1.1;
 
 /// Failures per arrival of hops, pooled over their lengths, above which candidates move closer
@@ -31,19 +32,23 @@ pub(crate) const MANY_PATHS: usize = 200;
 /// the edge cut-off apart in a straight line. Unexplored space counts as walls.
 pub(crate) const OPEN_SHARE: f32 = 0.5;
 
-/// Number of candidates from which that share is computed.
 const JUDGED_CANDIDATES: usize = 64;
+
+/// Slack on the steps of a path, for both ends together: trajectories pass near candidates, not
+/// through them.
+const NEAR_STEPS: f32 = 2.0;
 
 impl Candidates {
     /// Whether the spacing has to grow before there can be another candidate.
     pub(super) fn is_full(&self) -> bool {
-        self.len() >= self.max_count || (!self.verified && self.exceeds_target())
+        self.len() >= self.settings.max_candidates()
+            || (!self.settings.verify_edges && self.exceeds_target())
     }
 
-    /// Whether there are as many candidates as there should be, and they may move apart to make
-    /// room.
     fn exceeds_target(&self) -> bool {
-        self.len() >= self.target_count && self.spacing < self.max_spacing
+        let BridgeSettings { candidates, edge_cutoff_steps, .. } = self.settings;
+        self.len() >= candidates
+            && self.spacing < MAX_SPACING_SHARE * edge_cutoff_steps * self.spec.goal_radius
     }
 
     /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open
@@ -51,35 +56,34 @@ impl Candidates {
     /// Otherwise, they move closer together if many hops fail: places between them become
     /// candidates when agents come by.
     pub fn adapt_spacing(&mut self) {
-        if !self.verified {
+        if !self.settings.verify_edges {
             // Hops along unverified edges fail because of walls, at any spacing.
             return;
         }
-        let many_hops_fail = self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES;
+        let many_hops_fail =
+            self.hops.failures_within(self.settings.edge_cutoff_steps) > MANY_HOP_FAILURES;
         // Between thin walls, too, known paths may eventually join half of the close candidates.
         if self.is_crowded() && (self.is_open || (!many_hops_fail && self.is_space_open())) {
             self.is_open = true;
             while self.is_crowded() {
                 self.move_apart();
             }
-        } else if many_hops_fail && self.len() < self.max_count {
-            self.spacing = (self.spacing / SPACING_SHRINKAGE).max(self.least_spacing);
+        } else if many_hops_fail && self.len() < self.settings.max_candidates() {
+            self.spacing = (self.spacing / SPACING_SHRINKAGE).max(self.least_spacing());
         }
     }
 
-    /// Whether there are too many observed paths for fast planning and candidates may move apart.
     fn is_crowded(&self) -> bool {
         self.exceeds_target() && self.has_many_paths()
     }
 
     fn has_many_paths(&self) -> bool {
         self.paths.iter().map(|paths| paths.observed.len()).sum::<usize>()
-            > MANY_PATHS * self.target_count
+            > MANY_PATHS * self.settings.candidates
     }
 
-    /// Whether known paths join most candidates that are close in a straight line.
     fn is_space_open(&self) -> bool {
-        let reach = self.edge_cutoff_steps * self.spec.goal_radius;
+        let reach = self.settings.edge_cutoff_steps * self.spec.goal_radius;
         let ahead = |from: &u32| {
             let paths = &self.paths[*from as usize].observed;
             paths.iter().map(|path| (path.to, u32::from(path.fewest)))
@@ -105,7 +109,7 @@ impl Candidates {
     /// unless trajectories show that a wall separates them and there is room.
     pub(super) fn move_apart(&mut self) {
         self.spacing *= SPACING_GROWTH;
-        let full = self.len() >= self.max_count;
+        let full = self.len() >= self.settings.max_candidates();
         let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
         for i in 0..self.len() {
             let place = self.goal_index.goal(i);
@@ -149,82 +153,61 @@ impl Candidates {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
+impl Candidates {
+    /// Returns the distance within which an edit of a region may affect paths from a candidate, in
+    /// the environment's unit of length. (The fastest agents move one goal radius per step.)
+    pub fn reach(&self) -> f32 {
+        (self.settings.window_steps() as f32 + NEAR_STEPS) * self.spec.goal_radius
+    }
 
-    use super::super::tests::{line, restored, walk_corridor};
-    use super::*;
-    use crate::bridge::BridgeSettings;
-    use crate::env::Spec;
+    pub fn near(&self, region: &Region) -> Vec<bool> {
+        self.distances_from(region).into_iter().map(|distance| distance <= self.reach()).collect()
+    }
 
-    /// The side of a square to walk in.
-    const SIDE: u16 = 14;
+    fn distances_from(&self, region: &Region) -> Vec<f32> {
+        let distance = |i| region.distance(self.goal_index.goal(i).iter().copied());
+        (0..self.len()).map(distance).collect()
+    }
 
-    /// Takes steps of up to half a unit at random in the square.
-    fn wander(candidates: &mut Candidates, steps: usize) {
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut at = [0.5f32, 0.5];
-        for _ in 0..steps / 4 {
-            let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
-            for _ in 0..4 {
-                let before = at;
-                at = [0, 1]
-                    .map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, f32::from(SIDE)));
-                candidates.visit(0, &at, &before);
+    /// Forgets, after an edit of `region`, the candidates that are not `valid` states and the
+    /// outcomes of walks that the edit may have affected; if the edit may have blocked paths, also
+    /// those that are long enough to have led through the region. Ends all episodes.
+    pub fn forget(&mut self, region: &Region, blocks: bool, valid: impl Fn(&[f32]) -> bool) {
+        (0..self.visits.len()).for_each(|agent| self.end_episode(agent));
+        let s = self.spec.state_dim();
+        let kept: Vec<usize> =
+            (0..self.len()).filter(|i| valid(&self.states[i * s..(i + 1) * s])).collect();
+        if kept.len() < self.len() {
+            self.keep(&kept);
+        }
+        let (distances, radius) = (self.distances_from(region), self.spec.goal_radius);
+        let (reach, window) = (self.reach(), self.settings.window_steps() as f32);
+        for (paths, from) in self.paths.iter_mut().zip(&distances) {
+            if *from > reach {
+                continue;
             }
-        }
-    }
-
-    /// Returns candidates all over the square with many paths between them, and their spec and
-    /// settings.
-    fn crowded_square() -> (Spec, BridgeSettings, Candidates) {
-        let (spec, settings) = line(7);
-        // Long paths, so that there are many along a corridor, too.
-        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        wander(&mut candidates, 100_000);
-        (spec, settings, candidates)
-    }
-
-    /// Walks back and forth, several times, through a corridor that winds through the square:
-    /// corridor and walls are one unit wide, and at alternating ends the walls have a gap.
-    fn walk_winding_corridor(candidates: &mut Candidates) {
-        let mut places = Vec::new();
-        for y in (0..SIDE).step_by(2) {
-            let leads_right = y % 4 == 0;
-            places.extend((0..SIDE).map(|x| [if leads_right { x } else { SIDE - 1 - x }, y]));
-            places.push([if leads_right { SIDE - 1 } else { 0 }, y + 1]);
-        }
-        for _ in 0..30 {
-            let way = places.iter().chain(places.iter().rev());
-            way.for_each(|at| {
-                let at = at.map(|coordinate| f32::from(coordinate) + 0.5);
-                candidates.visit(0, &at, &at);
+            let is_out_of_reach =
+                |to: u32, steps: f32| from + distances[to as usize] > (steps + NEAR_STEPS) * radius;
+            let paths = Arc::make_mut(paths);
+            if blocks {
+                paths.observed.retain(|path| {
+                    let known = Some(path.steps()).filter(|steps| *steps != UNOBSERVED);
+                    is_out_of_reach(path.to, f32::from(known.unwrap_or(path.fewest)))
+                });
+            }
+            let ids = &self.ids;
+            paths.practice.retain(|id, _| {
+                let to = ids.binary_search(id);
+                to.is_ok_and(|to| is_out_of_reach(to as u32, window))
             });
         }
     }
+}
 
-    #[test]
-    fn only_in_open_space_do_many_paths_drive_candidates_apart() {
-        let (spec, settings, mut open) = crowded_square();
-        let mut closed = Candidates::new(&spec, 1, &settings);
-        walk_winding_corridor(&mut closed);
-        for candidates in [&open, &closed] {
-            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{}", candidates.len());
-        }
-        let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
-        let mut restored = restored(&open, Candidates::new(&spec, 1, &settings));
-        for candidates in [&mut open, &mut restored] {
-            candidates.adapt_spacing();
-            assert!(candidates.spacing() > before[0].1 && candidates.len() < before[0].0);
-            assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
-        }
-        closed.adapt_spacing();
-        let least = settings.candidate_spacing * spec.goal_radius;
-        assert_eq!((closed.len(), closed.spacing()), (before[1].0, least));
-    }
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{line, walk_corridor};
+    use super::*;
 
     #[test]
     fn candidates_move_closer_together_where_many_walks_fail() {
@@ -244,12 +227,9 @@ mod tests {
             candidates.adapt_spacing();
         }
         assert_eq!(candidates.spacing(), settings.candidate_spacing * spec.goal_radius);
-        let restored = restored(&candidates, Candidates::new(&spec, 1, &settings));
-        for mut candidates in [candidates, restored] {
-            line(&mut candidates);
-            assert!((2 * open..=8 * 10).contains(&candidates.len()), "{}", candidates.len());
-            candidates.adapt_spacing();
-            assert!(!candidates.has_many_paths(), "not closer than planning has time for");
-        }
+        line(&mut candidates);
+        assert!((2 * open..=8 * 10).contains(&candidates.len()), "{}", candidates.len());
+        candidates.adapt_spacing();
+        assert!(!candidates.has_many_paths(), "not closer than planning has time for");
     }
 }

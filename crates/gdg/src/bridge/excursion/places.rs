@@ -22,10 +22,8 @@ const MEASURE_EVERY: usize = 512;
 /// Maximum length of a step with noise, in typical ones.
 const MAX_NOISE_STEPS: f32 = 2.0;
 
-/// Maximum number of places.
 pub(crate) const MAX_PLACES: usize = 200_000;
 
-/// Maximum number of actions to follow when looking up a place at the frontier.
 const MAX_LOOKAHEAD: u32 = 2_000;
 
 /// Distance to the frontier where no known action leads there.
@@ -61,13 +59,10 @@ pub struct Places {
     ahead: Vec<u32>,
     /// Sum of the changes of coordinates that each action has brought, `(actions, goal_dim)`.
     moved: Vec<i64>,
-    /// Failed attempts after which an action counts as tried.
     enough_attempts: u16,
-    /// Arrivals until the distances to the frontier are computed again.
     measure_in: usize,
 }
 
-/// Where an action leads, as far as known or expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Outcome {
     Unvisited,
@@ -76,7 +71,6 @@ enum Outcome {
 }
 
 impl Places {
-    /// Returns no places in a world with `spec`.
     pub fn new(spec: &Spec) -> Self {
         Self {
             actions: axis_actions(spec.action_dim),
@@ -92,12 +86,10 @@ impl Places {
         }
     }
 
-    /// Returns the number of places.
     pub fn len(&self) -> usize {
         self.ahead.len()
     }
 
-    /// Returns action `i`, `(action_dim)`.
     pub fn action(&self, i: usize) -> &[f32] {
         &self.actions[i * self.spec.action_dim..(i + 1) * self.spec.action_dim]
     }
@@ -171,7 +163,6 @@ impl Places {
         self.ahead[from] = self.least_ahead(from);
     }
 
-    /// Returns the difference of the coordinates of two places, `(goal_dim)`.
     fn offset(&self, from: usize, to: usize) -> Vec<i64> {
         let ends = self.key(from).iter().zip(self.key(to));
         ends.map(|(from, to)| i64::from(*to) - i64::from(*from)).collect()
@@ -193,7 +184,6 @@ impl Places {
         along.is_some() && along != direction(&offset) && noise_steps <= MAX_NOISE_STEPS
     }
 
-    /// Returns the place that `action` is expected to lead to from `place`, if it has been visited.
     fn expected(&self, place: usize, action: usize) -> Option<usize> {
         let along = self.direction(action)?;
         let ends = self.key(place).iter().zip(along);
@@ -207,7 +197,6 @@ impl Places {
         if self.to[at] == NOWHERE { self.enough_attempts } else { 2 * MIN_ATTEMPTS }
     }
 
-    /// Whether some action that may lead to a new place has not been tried.
     pub fn has_frontier(&self) -> bool {
         self.enough_attempts == MIN_ATTEMPTS
     }
@@ -244,7 +233,6 @@ impl Places {
             .unwrap_or(NO_FRONTIER)
     }
 
-    /// Returns the number of actions from `place` to the frontier, or [`NO_FRONTIER`].
     pub fn ahead(&self, place: usize) -> u32 {
         self.ahead[place]
     }
@@ -303,21 +291,19 @@ impl Places {
         }
     }
 
-    /// Returns an action at `place` that leads towards the frontier, the one with the fewest
-    /// attempts.
-    pub fn action_ahead(&self, place: usize, rng: &mut ChaCha8Rng) -> usize {
+    /// Returns an action at `place`: any, or one that leads towards the frontier, that with the
+    /// fewest attempts.
+    pub fn choose_action(&self, place: usize, is_random: bool, rng: &mut ChaCha8Rng) -> usize {
         let count = self.action_count();
+        if is_random {
+            return rng.random_range(0..count);
+        }
         let keys: Vec<(u32, u16)> = (0..count)
             .map(|action| (self.ahead_after(place, action), self.attempts[place * count + action]))
             .collect();
         let least = keys.iter().min();
         let best: Vec<usize> = (0..count).filter(|action| Some(&keys[*action]) == least).collect();
         best[rng.random_range(0..best.len())]
-    }
-
-    /// Returns a random action.
-    pub fn random_action(&self, rng: &mut ChaCha8Rng) -> usize {
-        rng.random_range(0..self.action_count())
     }
 
     /// Returns the place at the frontier that the known actions lead to from `place`, unless there
@@ -345,10 +331,6 @@ impl Places {
         (self.enough_attempts, self.measure_in) = (MIN_ATTEMPTS, 0);
     }
 
-    /// Completes the places that a checkpoint keeps of a world with `spec`.
-    ///
-    /// # Errors
-    /// They have another length, or are out of range.
     pub fn restored(mut self, spec: &Spec) -> Result<Self, StoreError> {
         let fresh = Self::new(spec);
         let (count, actions, g) = (self.len(), fresh.action_count(), spec.goal_dim());
@@ -366,11 +348,9 @@ impl Places {
             let keys = self.keys.chunks_exact(g).enumerate();
             self.index = keys.map(|(i, key)| (Box::from(key), i as u32)).collect();
         }
-        if self.index.len() == count && fits {
-            Ok(Self { spec: fresh.spec, actions: fresh.actions, ..self })
-        } else {
-            Err(StoreError::inconsistent("the stored places do not fit this world"))
-        }
+        let fits = fits && self.index.len() == count;
+        StoreError::unless(fits, "the stored places do not fit this world")?;
+        Ok(Self { spec: fresh.spec, actions: fresh.actions, ..self })
     }
 }
 
@@ -392,7 +372,6 @@ pub(super) mod tests {
         Spec { state_centre: vec![50.0; 2], ..line(1).0 }
     }
 
-    /// Visits the middles of cells `x` of a row and returns their places.
     fn row(places: &mut Places, x: std::ops::Range<i32>) -> Vec<usize> {
         x.map(|x| places.visit(&[x as f32 + 0.5, 0.5]).expect("there is room").0).collect()
     }
@@ -420,7 +399,7 @@ pub(super) mod tests {
         assert_eq!(places.frontier_from(row[0]), Some(row[5]));
         assert_eq!(places.centre(row[5]), [5.5, 0.5]);
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        assert!((0..20).all(|_| places.action_ahead(row[2], &mut rng) == right));
+        assert!((0..20).all(|_| places.choose_action(row[2], false, &mut rng) == right));
         assert!(places.has_frontier());
         block(&mut places, row[5], right);
         places.measure();
@@ -458,32 +437,5 @@ pub(super) mod tests {
         assert_eq!(outcomes(&places), [row[0], row[2]].map(Outcome::Place));
         places.doubt_noise();
         assert_eq!(outcomes(&places), [Outcome::Place(row[2]), Outcome::Unvisited]);
-    }
-
-    #[test]
-    fn places_are_restored_and_those_that_do_not_fit_refused() {
-        let mut places = Places::new(&plane());
-        let row = row(&mut places, -3..3);
-        places.record(row[0], 0, row[1]);
-        places.record(row[1], 2, row[1]);
-        let restored = |change: fn(&mut Places)| {
-            let bytes = crate::store::to_bytes(&places).expect("numbers");
-            let mut stored: Places = postcard::from_bytes(&bytes).expect("its own bytes");
-            change(&mut stored);
-            stored.restored(&plane())
-        };
-        assert_eq!(restored(|_| {}), Ok(places.clone()));
-        let changes: [fn(&mut Places); 7] = [
-            |places| places.to[3] = 99,
-            |places| places.to.clear(),
-            |places| places.keys.fill(0),
-            |places| places.ahead.push(0),
-            |places| places.moved[0] = i64::MAX,
-            |places| places.enough_attempts = 0,
-            |places| places.measure_in = usize::MAX,
-        ];
-        for (i, change) in changes.into_iter().enumerate() {
-            assert!(restored(change).is_err(), "{i}");
-        }
     }
 }

@@ -23,7 +23,6 @@ pub const LINK_CANDIDATES: usize = 48;
 /// there is no other.
 pub(crate) const UNVERIFIED_FACTOR: f32 = 2.0;
 
-/// States per batch when composing distances.
 const DISTANCE_BATCH: usize = 64;
 
 /// A distance has changed if D is longer or shorter than its bound by more than this factor.
@@ -46,7 +45,6 @@ const BUCKETS: usize = u64::BITS as usize + 1;
 /// heap.
 struct RadixHeap {
     latest: u64,
-    /// Costs and candidates.
     buckets: [Vec<(u64, u32)>; BUCKETS],
 }
 
@@ -76,7 +74,6 @@ impl RadixHeap {
     }
 }
 
-/// Shortest paths to one goal through the graph.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Route {
     /// The goal, `(goal_dim)`.
@@ -91,11 +88,9 @@ pub struct Route {
     /// The edge to that successor, as its place in the list of incoming edges.
     #[serde(skip)]
     pub(in crate::bridge) edges: Vec<u32>,
-    /// The candidate nearest to the goal by D.
     pub nearest: Option<usize>,
     /// Candidates linked to the goal, and the cost of each link in parts of a step.
     pub(in crate::bridge) links: Vec<(u32, u32)>,
-    /// Whether links that are not verified are among them.
     pub(in crate::bridge) has_unverified_links: bool,
 }
 
@@ -114,29 +109,21 @@ impl Route {
     }
 }
 
-/// A walk's options for its next hop.
 pub(in crate::bridge) struct HopOptions {
-    /// Nearby candidates.
     pub candidates: Vec<FirstHop>,
-    /// D to the goal itself.
     pub to_goal: f32,
-    /// Going straight to the goal, if that may be planned.
     pub direct: Option<Link>,
 }
 
-/// A first hop to a candidate.
 pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
-    /// D to it.
     pub distance: f32,
-    /// The hop, if it may be planned.
     pub link: Option<Link>,
 }
 
 impl BridgeGraph {
-    /// Returns the overhead of passing a waypoint, in steps.
     pub(crate) fn hop_steps(&self) -> f32 {
-        self.settings.hop_steps_in(&self.spec)
+        self.candidates.settings.hop_steps_in(&self.candidates.spec)
     }
 
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a
@@ -161,7 +148,7 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Option<Route> {
-        if route.has_unverified_links || !self.settings.verify_edges {
+        if route.has_unverified_links || !self.candidates.settings.verify_edges {
             return None;
         }
         let mut links = route.links.clone();
@@ -194,12 +181,10 @@ impl BridgeGraph {
         nearby.into_iter().zip(distances).collect()
     }
 
-    /// Finds the shortest paths to candidate `i` as the goal.
     pub(super) fn route_to_candidate(&self, i: usize) -> Route {
         self.route_from_links(self.point(i), Some(i), vec![(i as u32, 0)])
     }
 
-    /// Finds the shortest paths to a goal with known last links.
     pub(in crate::bridge) fn route_from_links(
         &self,
         goal: &[f32],
@@ -280,7 +265,7 @@ impl BridgeGraph {
         let hop = self.hop_steps();
         let lengths =
             self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
-        let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
+        let states: Vec<&[f32]> = states.chunks_exact(self.candidates.spec.state_dim()).collect();
         // Batched, as the networks are more efficient on large batches.
         let batches = states.chunks(DISTANCE_BATCH).flat_map(|states| {
             let starts = states.iter().map(|state| (*state, self.nearby(state, links)));
@@ -301,7 +286,7 @@ impl BridgeGraph {
 
     /// Returns the `count` candidates nearest to `state` in a straight line, nearest first.
     pub(in crate::bridge) fn nearby(&self, state: &[f32], count: usize) -> Vec<usize> {
-        let at: Vec<f32> = self.spec.achieved(state).collect();
+        let at: Vec<f32> = self.candidates.spec.achieved(state).collect();
         self.candidates.goal_index().nearest_few(&at, count)
     }
 
@@ -356,7 +341,7 @@ impl BridgeGraph {
         let (mut pairs, mut far) = (Vec::new(), Vec::new());
         let mut by_goal = DistancesByGoal {
             places: Vec::new(),
-            goals: GoalIndex::new(&self.spec),
+            goals: GoalIndex::new(&self.candidates.spec),
             steps: Vec::new(),
             waypoints: Vec::new(),
             checked,
@@ -431,7 +416,6 @@ impl BridgeGraph {
     }
 }
 
-/// Returns `cost`, in steps, as a whole number of [`COST_UNITS_PER_STEP`].
 pub(super) fn cost_units(cost: f32) -> u32 {
     (cost * COST_UNITS_PER_STEP) as u32
 }

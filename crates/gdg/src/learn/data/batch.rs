@@ -2,11 +2,20 @@
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 use crate::env::Spec;
 use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
 use crate::learn::data::replay::{Moment, Replay};
-use crate::learn::settings::{GEOMETRIC_MEAN_STEPS, LearnSettings};
+use crate::learn::networks::returns::Returns;
+use crate::learn::settings::LearnSettings;
+
+/// Mean of the steps that geometric hindsight goals lie ahead.
+const GEOMETRIC_MEAN_STEPS: f32 = 25.0;
+
+/// The noise on the actions of targets is clipped at this many standard deviations (Fujimoto et al.
+/// 2018, section 5.3).
+const MAX_NOISE_DEVIATIONS: f32 = 2.5;
 
 /// Minimum n-step horizon of targets while all distances are in doubt: each update raises them by
 /// at most this much.
@@ -75,17 +84,16 @@ pub struct Batch {
     pub actions: Vec<f32>,
     /// Next states of these transitions, `(batch, state_dim)`.
     pub next: Vec<f32>,
+    /// Of learners with rewards: the reward of each pair's step, `(batch)`.
+    pub rewards: Vec<f32>,
+    /// Of learners with rewards: noise on the actions of targets, `(batch, action_dim)`; empty for
+    /// none.
+    pub noise: Vec<f32>,
 }
 
 impl Batch {
-    /// Returns the number of pairs.
-    pub fn len(&self) -> usize {
+    pub(in crate::learn) fn len(&self) -> usize {
         self.steps.len()
-    }
-
-    /// Returns whether there are no pairs.
-    pub fn is_empty(&self) -> bool {
-        self.steps.is_empty()
     }
 
     /// Replaces pair `i` with one that is `steps` apart along the bridge graph (distillation).
@@ -126,14 +134,16 @@ impl Batch {
             &mut self.actor_goals,
             &mut self.actor_weights,
             &mut self.bootstrap_states,
+            &mut self.steps,
+            &mut self.bootstrap,
+            &mut self.bound,
+            &mut self.lower,
             &mut self.from,
             &mut self.actions,
+            &mut self.next,
+            &mut self.rewards,
+            &mut self.noise,
         ] {
-            numbers.clear();
-        }
-        for numbers in
-            [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound, &mut self.lower]
-        {
             numbers.clear();
         }
     }
@@ -142,19 +152,18 @@ impl Batch {
 /// Draws batches according to the settings.
 #[derive(Clone, Debug)]
 pub struct BatchSampler {
-    spec: Spec,
-    settings: LearnSettings,
+    pub spec: Spec,
+    pub settings: LearnSettings,
+    /// Of a learner with rewards.
+    pub returns: Option<Returns>,
 }
 
 impl BatchSampler {
-    /// Creates a sampler for an environment of `spec`.
-    pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
-        Self { spec: spec.clone(), settings: settings.clone() }
-    }
-
     /// Refills `batch`. While relearning, the dynamics model sees more of the recent transitions;
     /// if there is no graph that finds the distances that have changed, targets follow the
-    /// behaviour alone, over many steps.
+    /// behaviour alone, over many steps. Learners with rewards learn from single steps, and whether
+    /// the task is over follows from the goal that was chosen; the end of an episode's time does not
+    /// end it.
     pub fn sample(
         &self,
         replay: &Replay,
@@ -174,7 +183,14 @@ impl BatchSampler {
             let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
             let state = replay.state(moment);
             let goal = &batch.goals[batch.goals.len() - self.spec.goal_dim()..];
-            let (steps, reached) = self.look_ahead(replay, moment, n_step.min(left), goal);
+            let (steps, reached) = match &self.returns {
+                None => self.look_ahead(replay, moment, n_step.min(left), goal),
+                Some(returns) => {
+                    let next = replay.state(later(moment, 1));
+                    batch.rewards.push(returns.reward(&self.spec, next, goal));
+                    (1, self.spec.reached(next, goal))
+                }
+            };
             batch.states.extend(state);
             batch.bootstrap_states.extend(replay.state(later(moment, steps)));
             batch.steps.push(steps as f32);
@@ -188,6 +204,13 @@ impl BatchSampler {
             batch.from.extend(replay.state(moment));
             batch.actions.extend(replay.action(moment));
             batch.next.extend(replay.state(later(moment, 1)));
+            let deviation = self.settings.target_noise;
+            if self.returns.is_some() && deviation > 0.0 {
+                batch.noise.extend((0..self.spec.action_dim).map(|_| {
+                    let noise: f32 = StandardNormal.sample(rng);
+                    deviation * noise.clamp(-MAX_NOISE_DEVIATIONS, MAX_NOISE_DEVIATIONS)
+                }));
+            }
         }
         batch.actor_goals.extend(&batch.goals);
         batch.actor_weights.resize(batch.len(), 1.0);
@@ -270,7 +293,7 @@ impl BatchSampler {
 
     /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to
     /// `goals`; returns the number of steps in which it was reached, infinite if unknown.
-    pub(in crate::learn) fn push_goal(
+    fn push_goal(
         &self,
         replay: &Replay,
         moment: Moment,
@@ -319,7 +342,7 @@ impl BatchSampler {
 }
 
 /// Returns the moment `steps` later in the same agent's slots.
-pub(in crate::learn) fn later(moment: Moment, steps: usize) -> Moment {
+fn later(moment: Moment, steps: usize) -> Moment {
     Moment { slot: moment.slot + steps as u64, ..moment }
 }
 
@@ -332,6 +355,7 @@ mod tests {
     use crate::learn::ReplaySizes;
     use crate::learn::data::known::tests::{by_goal, index};
     use crate::learn::data::known::{ChangedDistances, DistancesByGoal};
+    use crate::learn::networks::returns::Reward;
 
     /// Positions on a line, and a replay of one walk along it.
     fn line() -> (Spec, Replay) {
@@ -347,7 +371,8 @@ mod tests {
         let (spec, replay) = line();
         let settings =
             LearnSettings { batch_size: 64, distillation: 0.25, ..LearnSettings::default() };
-        let sampler = BatchSampler::new(&spec, &settings);
+        let sampler =
+            BatchSampler { spec: spec.clone(), settings: settings.clone(), returns: None };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut batch = Batch::default();
         sampler.sample(&replay, None, &mut rng, &mut batch);
@@ -355,7 +380,7 @@ mod tests {
         assert!(batch.lower.iter().all(|steps| *steps == 0.0));
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
         let bounded = LearnSettings { max_distance_steps: 20.0, ..settings };
-        let bounded = BatchSampler::new(&spec, &bounded);
+        let bounded = BatchSampler { spec, settings: bounded, returns: None };
         bounded.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
         check_known(&sampler, &bounded, &mut rng, &mut batch);
@@ -428,8 +453,8 @@ mod tests {
     #[test]
     fn relearning_looks_at_recent_transitions_and_doubts_all_distances_only_without_a_graph() {
         let (spec, replay) = line();
-        let sampler =
-            BatchSampler::new(&spec, &LearnSettings { batch_size: 64, ..LearnSettings::default() });
+        let settings = LearnSettings { batch_size: 64, ..LearnSettings::default() };
+        let sampler = BatchSampler { spec, settings, returns: None };
         let mut batch = Batch::default();
         let mut relearn = |graph_finds_changed| {
             let relearning = Some(Relearning { recent_slots: 11, graph_finds_changed });
@@ -441,5 +466,59 @@ mod tests {
         };
         assert!(relearn(true));
         assert!(!relearn(false));
+    }
+
+    /// Draws transitions of a learner with rewards from two walks of ten steps towards 30.
+    fn rewarded(reward: Reward, settings: LearnSettings) -> Batch {
+        let spec = Spec { goal_radius: 1.5, ..positions(&[(50.0, 50.0)]) };
+        let mut replay = Replay::new(ReplaySizes::all(1), 1, 200);
+        for start in [0.0, 20.0] {
+            (0..10).for_each(|i| replay.push(0, &[start + i as f32], &[1.0], &[30.0]));
+            replay.end_episode(0, &[start + 10.0]);
+        }
+        let returns = Some(Returns::new(reward, 0.99, &spec));
+        let (sampler, mut batch) = (BatchSampler { spec, settings, returns }, Batch::default());
+        sampler.sample(&replay, None, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
+        batch
+    }
+
+    #[test]
+    fn goals_that_are_relabelled_lie_in_the_future_and_relabel_reward_and_end() {
+        let of = |goal_hindsight| LearnSettings {
+            batch_size: 2_000,
+            goal_hindsight,
+            goal_geometric: 0.0,
+            goal_random: 0.0,
+            ..LearnSettings::default()
+        };
+        let batch = rewarded(Reward::Sparse, of(0.8));
+        let (mut relabelled, mut ends) = (0, 0);
+        for i in 0..batch.len() {
+            let (state, next, goal) = (batch.states[i], batch.bootstrap_states[i], batch.goals[i]);
+            assert_eq!(next, state + 1.0);
+            let same_walk = (state < 15.0) == (goal < 15.0);
+            let later = (1.0..=10.0).contains(&(goal - state)) && same_walk;
+            assert!(goal == 30.0 || later, "{state} to {goal}");
+            assert_eq!(batch.bootstrap[i] == 0.0, (next - goal).abs() < 1.5, "{state} to {goal}");
+            assert_eq!(batch.rewards[i], -1.0);
+            relabelled += usize::from(goal < 30.0);
+            ends += usize::from(batch.bootstrap[i] == 0.0 && goal < 30.0);
+        }
+        // Some of those relabelled get 30, where the second walk ends: H(10) / 10 of its moments.
+        assert!((1_280..1_450).contains(&relabelled), "{relabelled}");
+        assert!(ends > 300 && batch.noise.is_empty(), "{ends}");
+        let batch = rewarded(Reward::Distance, of(0.0));
+        for (i, next) in batch.next.iter().enumerate() {
+            assert_eq!((batch.goals[i], batch.rewards[i]), (30.0, -(30.0 - next).abs()));
+            // The first walk ends far from the goal: time was up.
+            assert_eq!(batch.bootstrap[i] == 0.0, *next >= 29.0, "{next}");
+        }
+        assert!(batch.next.contains(&10.0));
+        let noisy = LearnSettings { target_noise: 0.2, batch_size: 4_000, ..of(0.8) };
+        let noise = rewarded(Reward::Sparse, noisy).noise;
+        let deviation = (noise.iter().map(|noise| noise * noise).sum::<f32>() / 4_000.0).sqrt();
+        assert!((deviation - 0.195).abs() < 0.01, "{deviation}");
+        let largest = noise.iter().fold(0.0, |most: f32, noise| most.max(noise.abs()));
+        assert!((0.48..=0.5).contains(&largest), "{largest}");
     }
 }

@@ -40,7 +40,7 @@ pub struct GoalIndex {
 
 impl GoalIndex {
     /// Creates an empty set of places of a world with `spec`.
-    pub fn new(spec: &Spec) -> Self {
+    pub(crate) fn new(spec: &Spec) -> Self {
         let ranges = spec.achieved.iter().take(AXES).map(|i| {
             let half = spec.state_half_range[*i];
             (spec.state_centre[*i] - half, 2.0 * half)
@@ -57,28 +57,21 @@ impl GoalIndex {
         places
     }
 
-    /// Returns the number of places.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.before.len()
     }
 
-    /// Returns whether there are no places.
-    pub fn is_empty(&self) -> bool {
-        self.before.is_empty()
-    }
-
-    /// Returns all places, `(places, goal_dim)`.
-    pub fn goals(&self) -> &[f32] {
+    pub(crate) fn goals(&self) -> &[f32] {
         &self.goals
     }
 
     /// Returns place `i`, `(goal_dim)`.
-    pub fn goal(&self, i: usize) -> &[f32] {
+    pub(crate) fn goal(&self, i: usize) -> &[f32] {
         &self.goals[i * self.goal_dim..(i + 1) * self.goal_dim]
     }
 
     /// Adds a place, `(goal_dim)`.
-    pub fn push(&mut self, goal: &[f32]) {
+    pub(crate) fn push(&mut self, goal: &[f32]) {
         self.goals.extend(goal);
         self.link(self.len());
         let full = self.len() as f32 > MAX_PLACES_PER_BUCKET * self.latest.len() as f32;
@@ -90,7 +83,7 @@ impl GoalIndex {
 
     /// Returns the place nearest to `at` and its straight-line distance; of several, the first.
     /// `None` without places.
-    pub fn nearest(&self, at: &[f32]) -> Option<(usize, f32)> {
+    pub(crate) fn nearest(&self, at: &[f32]) -> Option<(usize, f32)> {
         let rings = self.rings(at);
         // Squares are compared, as different ones can have the same root.
         let (mut least, mut found) = (f32::INFINITY, usize::MAX);
@@ -108,7 +101,7 @@ impl GoalIndex {
 
     /// Returns the `count` places nearest to `at` by straight-line distance, nearest first and in
     /// the order of their indices where equally far.
-    pub fn nearest_few(&self, at: &[f32], count: usize) -> Vec<usize> {
+    pub(crate) fn nearest_few(&self, at: &[f32], count: usize) -> Vec<usize> {
         let rings = self.rings(at);
         // Non-negative floats are in the same order as their bits.
         let mut near: Vec<(u32, u32)> = Vec::with_capacity(2 * count);
@@ -127,7 +120,7 @@ impl GoalIndex {
 
     /// Whether `test` holds for any place within `radius` of `at`, given its index and
     /// straight-line distance. The order of the tests is undefined.
-    pub fn any_within(
+    pub(crate) fn any_within(
         &self,
         at: &[f32],
         radius: f32,
@@ -147,14 +140,18 @@ impl GoalIndex {
 
     /// Passes all places within `radius` of `at` to `visit`, with their straight-line distance, in
     /// no particular order.
-    pub fn for_each_within(&self, at: &[f32], radius: f32, mut visit: impl FnMut(usize, f32)) {
+    pub(crate) fn for_each_within(
+        &self,
+        at: &[f32],
+        radius: f32,
+        mut visit: impl FnMut(usize, f32),
+    ) {
         let _ = self.any_within(at, radius, |i, distance| {
             visit(i, distance);
             false
         });
     }
 
-    /// Returns the rings of buckets around `at`.
     fn rings<'a>(&'a self, at: &'a [f32]) -> Rings<'a> {
         let centre = self.bucket(at);
         let mut gaps = [[f32::INFINITY; 2]; AXES];
@@ -170,7 +167,6 @@ impl GoalIndex {
         Rings { index: self, at, centre, gaps, widths }
     }
 
-    /// Returns the squared distance between `at` and place `i`.
     fn squared(&self, at: &[f32], i: usize) -> f32 {
         match *at {
             // The usual case, without a loop; the sum is the same bit for bit.
@@ -191,7 +187,6 @@ impl GoalIndex {
         bucket
     }
 
-    /// Adds place `i`, the first without a bucket, to its bucket.
     fn link(&mut self, i: usize) {
         let [x, y] = self.bucket(self.goal(i));
         self.before.push(std::mem::replace(&mut self.latest[y * self.side + x], i as u32));

@@ -80,7 +80,7 @@ pub struct DistancesByGoal {
 
 impl DistancesByGoal {
     /// Returns the pair at index `i` of [`Self::steps`].
-    pub fn pair(&self, i: u32) -> KnownPair {
+    pub(crate) fn pair(&self, i: u32) -> KnownPair {
         let at = i as usize;
         let places = self.steps.len() / self.places.len();
         KnownPair {
@@ -91,23 +91,19 @@ impl DistancesByGoal {
         }
     }
 
-    /// Returns the goals to which [`ChangedDistances`] are found.
-    pub fn checked_places(&self) -> &[u32] {
+    pub(crate) fn checked_places(&self) -> &[u32] {
         &self.places[..self.checked]
     }
 
-    /// Returns one of the pairs.
-    pub fn any_pair(&self, rng: &mut ChaCha8Rng) -> KnownPair {
+    pub(crate) fn any_pair(&self, rng: &mut ChaCha8Rng) -> KnownPair {
         self.pair(self.pairs[rng.random_range(0..self.pairs.len())])
     }
 
-    /// Returns one of the near pairs.
-    pub fn near_pair(&self, rng: &mut ChaCha8Rng) -> KnownPair {
+    pub(crate) fn near_pair(&self, rng: &mut ChaCha8Rng) -> KnownPair {
         self.pair(self.pairs[rng.random_range(0..self.near)])
     }
 
-    /// Returns the longest of the pairs' distances, in steps.
-    pub fn longest_steps(&self) -> f32 {
+    pub(crate) fn longest_steps(&self) -> f32 {
         self.pairs.iter().map(|i| self.pair(*i).steps).fold(0.0, f32::max)
     }
 }

@@ -33,12 +33,9 @@ pub struct Replay {
 
 /// Sizes of a state, a goal and an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ReplaySizes {
-    /// Size of a state.
+pub(crate) struct ReplaySizes {
     pub state: usize,
-    /// Size of a goal.
     pub goal: usize,
-    /// Size of an action.
     pub action: usize,
 }
 
@@ -53,11 +50,8 @@ impl ReplaySizes {
         let numbers = (self.state + self.goal + self.action) as u64;
         (4 * numbers + 2).saturating_mul(transitions as u64)
     }
-}
 
-#[cfg(test)]
-impl ReplaySizes {
-    /// Returns the same size for all three.
+    #[cfg(test)]
     pub fn all(size: usize) -> Self {
         Self { state: size, goal: size, action: size }
     }
@@ -74,7 +68,7 @@ pub struct Moment {
 
 impl Replay {
     /// Creates a replay with room for about `capacity` transitions of `agents` agents.
-    pub fn new(sizes: ReplaySizes, agents: usize, capacity: usize) -> Self {
+    pub(crate) fn new(sizes: ReplaySizes, agents: usize, capacity: usize) -> Self {
         let capacity = capacity.div_ceil(agents).max(2);
         let slots = agents * capacity;
         Self {
@@ -91,7 +85,7 @@ impl Replay {
     }
 
     /// Stores that `agent` took `action` in `state` while pursuing `goal`.
-    pub fn push(&mut self, agent: usize, state: &[f32], action: &[f32], goal: &[f32]) {
+    pub(crate) fn push(&mut self, agent: usize, state: &[f32], action: &[f32], goal: &[f32]) {
         let at = self.slot_index(Moment { agent, slot: self.written[agent] });
         let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         self.states[at * s..(at + 1) * s].copy_from_slice(state);
@@ -101,7 +95,7 @@ impl Replay {
     }
 
     /// Ends `agent`'s episode in `state`.
-    pub fn end_episode(&mut self, agent: usize, state: &[f32]) {
+    pub(crate) fn end_episode(&mut self, agent: usize, state: &[f32]) {
         let (action, goal) = (vec![0.0; self.sizes.action], vec![0.0; self.sizes.goal]);
         self.push(agent, state, &action, &goal);
         let end = self.written[agent] - 1;
@@ -125,7 +119,7 @@ impl Replay {
     /// episodes there, and restores transitions removed earlier that are possible again; leaves
     /// those alone for which `possible` returns `None`. Every agent's episode must have ended.
     /// Returns the numbers of transitions removed and restored.
-    pub fn retain_possible(
+    pub(crate) fn retain_possible(
         &mut self,
         possible: impl Fn(&[f32], &[f32], &[f32]) -> Option<bool>,
     ) -> (usize, usize) {
@@ -152,105 +146,93 @@ impl Replay {
         (removed, restored)
     }
 
+    /// Returns all stored slots, agent by agent and in order, each with the number of steps left in its
+    /// episode: none in an agent's last.
+    fn slots(&self) -> impl Iterator<Item = (Moment, usize)> {
+        let moments = (0..self.agents).flat_map(|agent| {
+            (self.oldest(agent)..self.written[agent]).map(move |slot| Moment { agent, slot })
+        });
+        moments.map(|moment| (moment, self.steps_left(moment)))
+    }
+
     /// Visits all stored episodes, agent by agent: calls `visit(agent, Some(state))` for each
     /// state, and `visit(agent, None)` at the end of each episode.
     pub fn visit_episodes(&self, mut visit: impl FnMut(usize, Option<&[f32]>)) {
-        for agent in 0..self.agents {
-            let mut going = false;
-            for slot in self.oldest(agent)..self.written[agent] {
-                let moment = Moment { agent, slot };
-                let left = self.steps_left(moment);
-                if going || left > 0 {
-                    visit(agent, Some(self.state(moment)));
-                }
-                going = left > 0;
-                if !going {
-                    visit(agent, None);
-                }
+        let mut going = false;
+        for (moment, left) in self.slots() {
+            if going || left > 0 {
+                visit(moment.agent, Some(self.state(moment)));
             }
-            visit(agent, None);
+            going = left > 0;
+            if !going {
+                visit(moment.agent, None);
+            }
         }
     }
 
     /// Visits all complete transitions, episode by episode: calls `visit` with each state, the
     /// action taken in it, and whether it is its episode's last, whose action leads nowhere.
     pub fn visit_rows(&self, mut visit: impl FnMut(&[f32], &[f32], bool)) {
-        for agent in 0..self.agents {
-            let mut going = false;
-            for slot in self.oldest(agent)..self.written[agent] {
-                let moment = Moment { agent, slot };
-                let is_last = self.steps_left(moment) == 0;
-                if going || !is_last {
-                    visit(self.state(moment), self.action(moment), is_last);
-                }
-                going = !is_last;
+        let mut going = false;
+        for (moment, left) in self.slots() {
+            if going || left > 0 {
+                visit(self.state(moment), self.action(moment), left == 0);
             }
+            going = left > 0;
         }
     }
 
     /// Copies all complete episodes to `other`, each to the agent with the least data; if there is
     /// not enough room, each agent's oldest episodes are overwritten.
-    pub fn copy_episodes_into(&self, other: &mut Self) {
-        for agent in 0..self.agents {
-            let mut to = None;
-            for slot in self.oldest(agent)..self.written[agent] {
-                let moment = Moment { agent, slot };
-                let left = self.steps_left(moment);
-                let agent = match to {
-                    Some(agent) => agent,
-                    // A state without a successor is not a transition.
-                    None if left == 0 => continue,
-                    None => (0..other.agents).min_by_key(|i| other.written[*i]).unwrap_or(0),
-                };
-                if left > 0 {
-                    other.push(agent, self.state(moment), self.action(moment), self.goal(moment));
-                    to = Some(agent);
-                } else {
-                    other.end_episode(agent, self.state(moment));
-                    to = None;
-                }
+    pub(crate) fn copy_episodes_into(&self, other: &mut Self) {
+        let mut to = None;
+        for (moment, left) in self.slots() {
+            let agent = match to {
+                Some(agent) => agent,
+                // A state without a successor is not a transition.
+                None if left == 0 => continue,
+                None => (0..other.agents).min_by_key(|i| other.written[*i]).unwrap_or(0),
+            };
+            if left > 0 {
+                other.push(agent, self.state(moment), self.action(moment), self.goal(moment));
+                to = Some(agent);
+            } else {
+                other.end_episode(agent, self.state(moment));
+                to = None;
             }
         }
     }
 
     /// Returns the latest states of `agent`'s current episode, at most `count`, oldest first.
-    pub fn latest_states(&self, agent: usize, count: usize) -> impl Iterator<Item = &[f32]> {
+    pub(crate) fn latest_states(&self, agent: usize, count: usize) -> impl Iterator<Item = &[f32]> {
         let from = self.episode[agent]
             .max(self.written[agent].saturating_sub(count as u64))
             .max(self.oldest(agent));
         (from..self.written[agent]).map(move |slot| self.state(Moment { agent, slot }))
     }
 
-    /// Returns the number of agents.
-    pub fn agents(&self) -> usize {
+    pub(crate) fn agents(&self) -> usize {
         self.agents
     }
 
     /// Returns the number of filled slots.
+    #[allow(clippy::len_without_is_empty, reason = "nobody asks whether it is empty")]
     pub fn len(&self) -> usize {
-        self.written.iter().map(|w| (*w).min(self.capacity as u64) as usize).sum()
-    }
-
-    /// Returns whether nothing is stored.
-    pub fn is_empty(&self) -> bool {
-        self.written.iter().all(|w| *w == 0)
+        (0..self.agents).map(|agent| self.filled(agent)).sum()
     }
 
     /// Returns the total number of slots.
-    pub fn capacity(&self) -> usize {
+    pub(crate) fn capacity(&self) -> usize {
         self.agents * self.capacity
     }
 
     /// Returns whether at least one complete transition is stored.
-    pub fn has_transitions(&self) -> bool {
-        (0..self.agents).any(|agent| {
-            (self.oldest(agent)..self.written[agent])
-                .any(|slot| self.steps_left(Moment { agent, slot }) > 0)
-        })
+    pub(crate) fn has_transitions(&self) -> bool {
+        self.slots().any(|(_, left)| left > 0)
     }
 
     /// Returns the number of steps stored after `moment` in its episode.
-    pub fn steps_left(&self, moment: Moment) -> usize {
+    pub(crate) fn steps_left(&self, moment: Moment) -> usize {
         if moment.slot >= self.episode[moment.agent] {
             (self.written[moment.agent] - 1 - moment.slot) as usize
         } else {
@@ -275,7 +257,7 @@ impl Replay {
 
     /// Draws a random moment, followed by a stored step, among the latest `slots` of an agent;
     /// `None` if a few draws find no such step.
-    pub fn sample_recent(&self, slots: u64, rng: &mut ChaCha8Rng) -> Option<Moment> {
+    pub(crate) fn sample_recent(&self, slots: u64, rng: &mut ChaCha8Rng) -> Option<Moment> {
         (0..RECENT_DRAWS).find_map(|_| {
             let agent = rng.random_range(0..self.agents);
             let to = self.written[agent];
@@ -289,7 +271,7 @@ impl Replay {
     }
 
     /// Draws a random stored moment, ends of episodes included.
-    pub fn sample_any(&self, rng: &mut ChaCha8Rng) -> Moment {
+    pub(crate) fn sample_any(&self, rng: &mut ChaCha8Rng) -> Moment {
         loop {
             let agent = rng.random_range(0..self.agents);
             let (from, to) = (self.oldest(agent), self.written[agent]);
@@ -323,7 +305,7 @@ impl Replay {
     }
 
     /// Returns the contents for a checkpoint, without slots that have not been filled.
-    pub fn stored(&self) -> StoredReplay {
+    pub(crate) fn stored(&self) -> StoredReplay {
         let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         let filled = |numbers: &[f32], size: usize| {
             let own = (0..self.agents).flat_map(|agent| {
@@ -368,10 +350,7 @@ impl Replay {
     }
 
     /// Restores the contents that [`Self::stored`] returned.
-    ///
-    /// # Errors
-    /// They are of a replay of other sizes, or hold numbers out of range.
-    pub fn restore(&mut self, stored: StoredReplay) -> Result<(), StoreError> {
+    pub(crate) fn restore(&mut self, stored: StoredReplay) -> Result<(), StoreError> {
         let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         let misfit = || StoreError::inconsistent("the stored replay does not fit these settings");
         let StoredReplay { sizes, written, episode, adds_actions, steps, actions, goals, left } =
@@ -381,7 +360,7 @@ impl Replay {
             return Err(misfit());
         }
         (self.written, self.episode) = (written, episode);
-        let slots: usize = (0..agents).map(|agent| self.filled(agent)).sum();
+        let slots = self.len();
         let lengths = [steps.len(), actions.len(), goals.len(), left.len()];
         if lengths != [slots * s, slots * a, slots * g, slots] {
             return Err(misfit());
@@ -417,7 +396,7 @@ impl Replay {
 
 /// A replay in a checkpoint: the filled slots of one agent after the other.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct StoredReplay {
+pub(crate) struct StoredReplay {
     sizes: ReplaySizes,
     written: Vec<u64>,
     episode: Vec<u64>,

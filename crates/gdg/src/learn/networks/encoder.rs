@@ -1,11 +1,13 @@
-//! Turns raw states and goals into network inputs.
+//! Turns raw states and goals into network inputs, rows of which are (state, goal) pairs, and the
+//! buffers of a pass through a network.
 
 use std::f32::consts::PI;
 
 use crate::env::{MOST_HALF_RANGES, Spec};
-use crate::learn::networks::grid::{GridReads, GridShape, TableView};
-use crate::learn::networks::mlp::Mlp;
-use crate::learn::settings::{GRID_CHANNELS, LearnSettings};
+use crate::learn::networks::grid::{CHANNELS, GridReads, GridShape, TableView};
+use crate::learn::networks::mlp::{Activations, Mlp};
+use crate::learn::networks::network::Weights;
+use crate::learn::settings::LearnSettings;
 
 /// Input features of states and of (state, goal) pairs.
 ///
@@ -15,21 +17,22 @@ use crate::learn::settings::{GRID_CHANNELS, LearnSettings};
 /// network with a grid encoding appends the encoded position(s).
 #[derive(Clone, Debug)]
 pub struct Encoder {
-    spec: Spec,
-    octaves: usize,
+    pub spec: Spec,
+    /// Fourier octaves per coordinate.
+    pub octaves: usize,
     /// 1 / c for each relative scale, in 1 / length.
-    relative: Vec<f32>,
-    grid: Option<GridShape>,
+    pub relative: Vec<f32>,
+    /// Geometry of the grid encoding, if there is one.
+    pub grid: Option<GridShape>,
 }
 
 impl Encoder {
-    /// Creates the features that `settings` specify for an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         let dims = spec.goal_dim();
         let is_encoded = (1..=3).contains(&dims) && !settings.grid_cells.is_empty();
         let grid = spec.position_scale.filter(|_| is_encoded).map(|scale| {
             let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
-            GridShape::new(dims, GRID_CHANNELS, &settings.grid_cells, 2.0 * half / scale)
+            GridShape::new(dims, &settings.grid_cells, 2.0 * half / scale)
         });
         Self {
             octaves: settings.fourier_octaves,
@@ -43,30 +46,9 @@ impl Encoder {
         }
     }
 
-    /// Returns the environment's sizes and scales.
-    pub fn spec(&self) -> &Spec {
-        &self.spec
-    }
-
-    /// Returns the geometry of the grid encoding, if there is one.
-    pub fn grid(&self) -> Option<&GridShape> {
-        self.grid.as_ref()
-    }
-
     /// Returns the number of trainable parameters of `mlp` and its network's grid table.
     pub fn parameters_with(&self, mlp: &Mlp) -> u64 {
-        (mlp.parameters() + self.grid.as_ref().map_or(0, |grid| grid.corners() * grid.channels))
-            as u64
-    }
-
-    /// Returns the number of Fourier octaves per coordinate.
-    pub fn octaves(&self) -> usize {
-        self.octaves
-    }
-
-    /// Returns 1 / c for each relative scale.
-    pub fn relative(&self) -> &[f32] {
-        &self.relative
+        (mlp.parameters() + self.grid.as_ref().map_or(0, |grid| grid.corners() * CHANNELS)) as u64
     }
 
     /// Returns the width of one position's grid encoding; 0 if there is none.
@@ -78,28 +60,23 @@ impl Encoder {
         self.spec.goal_dim() * 2 * self.octaves
     }
 
-    /// Returns the width of a plain state row.
     pub fn plain_state_width(&self) -> usize {
         self.spec.state_dim() + self.goal_features()
     }
 
-    /// Returns the width of the goal's part of a plain pair row.
     pub fn plain_goal_width(&self) -> usize {
         self.spec.goal_dim() + self.goal_features()
     }
 
-    /// Returns the width of a plain pair row.
     pub fn plain_pair_width(&self) -> usize {
         let offset = self.spec.goal_dim() * self.relative.len();
         self.plain_state_width() + self.plain_goal_width() + offset
     }
 
-    /// Returns the width of a pair row with the grid encodings of state and goal.
     pub fn pair_width(&self) -> usize {
         self.plain_pair_width() + 2 * self.grid_width()
     }
 
-    /// Returns the width of a state row with its grid encoding.
     pub fn state_width(&self) -> usize {
         self.plain_state_width() + self.grid_width()
     }
@@ -110,40 +87,32 @@ impl Encoder {
         for (i, u) in scaled.iter_mut().enumerate() {
             *u = self.spec.scaled(i, state[i]);
         }
-        if self.octaves > 0 {
-            for (i, out) in
-                self.spec.achieved.iter().zip(fourier.chunks_exact_mut(2 * self.octaves))
-            {
-                octaves(scaled[*i], out);
-            }
+        for (k, i) in self.spec.achieved.iter().enumerate() {
+            octaves(scaled[*i], &mut fourier[2 * self.octaves * k..][..2 * self.octaves]);
         }
     }
 
     /// Writes the part of plain pair rows that depends on `goal` alone, after that of the state.
-    pub fn plain_goal(&self, goal: &[f32], row: &mut [f32]) {
+    fn plain_goal(&self, goal: &[f32], row: &mut [f32]) {
         let (scaled, fourier) = row.split_at_mut(self.spec.goal_dim());
         self.scaled_goal(goal, scaled);
-        if self.octaves > 0 {
-            for (u, out) in scaled.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
-                octaves(*u, out);
-            }
+        for (k, u) in scaled.iter().enumerate() {
+            octaves(*u, &mut fourier[2 * self.octaves * k..][..2 * self.octaves]);
         }
     }
 
     /// Writes the last part of plain pair rows, the offset of `goal` from `state`.
-    pub fn plain_offset(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
-        if !self.relative.is_empty() {
-            let difference = goal.iter().zip(self.spec.achieved(state)).map(|(g, s)| g - s);
-            for (d, out) in difference.zip(row.chunks_exact_mut(self.relative.len())) {
-                for (out, rate) in out.iter_mut().zip(&self.relative) {
-                    *out = (d * rate).tanh();
-                }
+    fn plain_offset(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
+        let mut out = row.iter_mut();
+        for (g, s) in goal.iter().zip(self.spec.achieved(state)) {
+            for (rate, out) in self.relative.iter().zip(&mut out) {
+                *out = ((g - s) * rate).tanh();
             }
         }
     }
 
     /// Writes the goal scaled to [-1, 1].
-    pub fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
+    fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
         for ((out, g), i) in out.iter_mut().zip(goal).zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, *g);
         }
@@ -151,7 +120,7 @@ impl Encoder {
 
     /// Writes the achieved goal of `state` scaled to [-1, 1]: the position that its grid encoding
     /// reads.
-    pub fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
+    fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
         for (out, i) in out.iter_mut().zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, state[*i]);
         }
@@ -177,9 +146,7 @@ impl Encoder {
 
     /// Adds the last of `places` once more.
     pub fn locate_again(&self, places: &mut GridReads) {
-        if let Some(grid) = &self.grid {
-            grid.locate_again(places);
-        }
+        self.grid.iter().for_each(|grid| grid.locate_again(places));
     }
 
     /// Writes the encoding of the position at row `i` of `places`.
@@ -239,11 +206,153 @@ impl Encoder {
             }
         }
     }
+
+    /// Computes the inputs of pairs that all networks share.
+    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut SharedFeatures) {
+        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let (of_state, of_goal) = (self.plain_state_width(), self.plain_goal_width());
+        let width = self.plain_pair_width();
+        let rows = resized(&mut plain.rows, states.len() / s * width);
+        plain.states.clear();
+        plain.goals.clear();
+        for (i, (state, goal)) in states.chunks_exact(s).zip(goals.chunks_exact(g)).enumerate() {
+            let (before, row) = rows.split_at_mut(i * width);
+            let before = &before[before.len().saturating_sub(width)..];
+            let (state_row, rest) = row[..width].split_at_mut(of_state);
+            let (goal_row, offset) = rest.split_at_mut(of_goal);
+            if is_repeated(states, i, s) {
+                state_row.copy_from_slice(&before[..of_state]);
+                self.locate_again(&mut plain.states);
+            } else {
+                self.plain_state(state, state_row);
+                self.locate_state(state, &mut plain.states);
+            }
+            if is_repeated(goals, i, g) {
+                goal_row.copy_from_slice(&before[of_state..of_state + of_goal]);
+                self.locate_again(&mut plain.goals);
+            } else {
+                self.plain_goal(goal, goal_row);
+                self.locate_goal(goal, &mut plain.goals);
+            }
+            self.plain_offset(state, goal, offset);
+        }
+    }
+
+    /// Builds full pair rows from plain ones and a network's table: the first `pair_width` columns
+    /// of `x` `(rows, stride)`.
+    pub fn pair_rows(
+        &self,
+        pairs: Pairs,
+        table: Option<TableView>,
+        stride: usize,
+        x: &mut Vec<f32>,
+    ) {
+        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let (plain_width, grid) = (self.plain_pair_width(), self.grid_width());
+        let x = resized(x, pairs.states.len() / s * stride);
+        for (i, plain) in
+            pairs.plain.rows.chunks_exact(plain_width).take(x.len() / stride).enumerate()
+        {
+            let (before, row) = x.split_at_mut(i * stride);
+            row[..plain_width].copy_from_slice(plain);
+            let parts = [
+                (&pairs.plain.states, is_repeated(pairs.states, i, s), plain_width),
+                (&pairs.plain.goals, is_repeated(pairs.goals, i, g), plain_width + grid),
+            ];
+            for (places, is_repeated, from) in parts {
+                let encoded = &mut row[from..from + grid];
+                if is_repeated {
+                    let before = &before[before.len() - stride + from..];
+                    encoded.copy_from_slice(&before[..grid]);
+                } else {
+                    self.encode(table, places, i, encoded);
+                }
+            }
+        }
+    }
+}
+
+/// The inputs that depend on no network's parameters, computed once for all networks.
+#[derive(Clone, Debug, Default)]
+pub struct SharedFeatures {
+    /// `(rows, plain_pair_width)`.
+    pub rows: Vec<f32>,
+    /// Grid reads of the states.
+    pub states: GridReads,
+    /// Grid reads of the goals.
+    pub goals: GridReads,
+}
+
+/// (state, goal) pairs, one per row.
+#[derive(Clone, Copy)]
+pub struct Pairs<'a> {
+    /// The inputs that all networks share.
+    pub plain: &'a SharedFeatures,
+    /// `(rows, state_dim)`.
+    pub states: &'a [f32],
+    /// `(rows, goal_dim)`.
+    pub goals: &'a [f32],
+}
+
+/// Buffers of one pass, grown to the largest batch seen.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    pub plain: SharedFeatures,
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    /// The actor's outputs before tanh, `(rows, action_dim)`.
+    pub outputs: Vec<f32>,
+    pub dx: Vec<f32>,
+    pub acts: Activations,
+}
+
+/// Returns the first `length` numbers of `buffer`, which grows if it is shorter.
+pub fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
+    buffer.resize(buffer.len().max(length), 0.0);
+    &mut buffer[..length]
+}
+
+/// Whether row `i` of `numbers` `(rows, width)` is the same as the one before. Queries repeat a
+/// state or a goal in many rows, and its features need not be computed again.
+pub fn is_repeated(numbers: &[f32], i: usize, width: usize) -> bool {
+    let Some(before) = i.checked_sub(1) else { return false };
+    let row = |i: usize| numbers[i * width..(i + 1) * width].iter();
+    row(before).zip(row(i)).all(|(a, b)| a.to_bits() == b.to_bits())
+}
+
+impl Workspace {
+    /// Computes the actions mu(s, g) = tanh(z), `(rows, action_dim)`; keeps inputs, outputs z and
+    /// activations for the backward pass.
+    pub fn actions(
+        &mut self,
+        encoder: &Encoder,
+        mlp: &Mlp,
+        actor: Weights,
+        pairs: Pairs,
+        out: &mut [f32],
+    ) {
+        encoder.pair_rows(pairs, actor.table, mlp.inputs, &mut self.x);
+        let rows = out.len() / mlp.outputs;
+        let outputs = resized(&mut self.outputs, out.len());
+        mlp.forward(
+            actor.dense,
+            actor.packed,
+            &self.x[..rows * mlp.inputs],
+            outputs,
+            &mut self.acts,
+        );
+        for (a, z) in out.iter_mut().zip(outputs) {
+            *a = z.tanh();
+        }
+    }
 }
 
 /// Writes `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the previous one by the
 /// double-angle formulas.
 fn octaves(u: f32, out: &mut [f32]) {
+    if out.is_empty() {
+        return;
+    }
     let (mut sin, mut cos) = (PI * u).sin_cos();
     for pair in out.chunks_exact_mut(2) {
         pair[0] = sin;

@@ -4,6 +4,7 @@ use candle_core::Result;
 use serde::Serialize;
 
 use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::grid::CHANNELS;
 use crate::learn::networks::lookahead::{GOOD_PROGRESS_STEPS, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
@@ -99,43 +100,26 @@ pub struct ActorInputs {
 }
 
 impl ActorExport {
-    /// Returns the export of `actor`, whose shape is `mlp`, or of its running average.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    pub(in crate::learn) fn of(
-        encoder: &Encoder,
-        mlp: &Mlp,
-        actor: &Network,
-        averaged: bool,
-    ) -> Result<Self> {
-        let (parameters, table) = actor.copy(averaged)?;
-        Ok(Self::new(encoder, mlp, &parameters, &table))
-    }
-
-    /// Returns the export of an actor `mlp` with these `parameters` and grid `table` `(corners,
-    /// channels)`.
-    fn new(encoder: &Encoder, mlp: &Mlp, parameters: &[f32], table: &[f32]) -> Self {
-        let spec = encoder.spec();
+    /// Returns the export of `actor`, or of its running average.
+    pub(in crate::learn) fn of(shapes: &Shapes, actor: &Network, averaged: bool) -> Result<Self> {
+        let Encoder { spec, octaves, relative, grid } = &shapes.encoder;
         let inputs = ActorInputs {
             state_centre: spec.state_centre.clone(),
             state_half_range: spec.state_half_range.clone(),
             achieved: spec.achieved.clone(),
-            fourier_octaves: encoder.octaves(),
-            relative_rates: encoder.relative().to_vec(),
-            layers: mlp.layers,
-            grids: encoder.grid().map_or(0, |grid| grid.levels.len()),
+            fourier_octaves: *octaves,
+            relative_rates: relative.clone(),
+            layers: shapes.actor.layers,
+            grids: grid.as_ref().map_or(0, |grid| grid.levels.len()),
         };
-        Self { tensors: tensors("", encoder, mlp, parameters, table), inputs }
+        let mut all = Vec::new();
+        add_tensors("", &shapes.encoder, &shapes.actor, &actor.copy(averaged)?, &mut all);
+        Ok(Self { tensors: all, inputs })
     }
 }
 
 impl CriticsExport {
-    /// Returns the export of `critics` and `model`, whose shapes are `shapes`, or of their running
-    /// averages.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
+    /// Returns the export of `critics` and `model`, or of their running averages.
     pub(in crate::learn) fn of<'a>(
         shapes: &Shapes,
         critics: impl Iterator<Item = &'a Network>,
@@ -143,23 +127,18 @@ impl CriticsExport {
         averaged: bool,
     ) -> Result<Self> {
         let (mut all, encoder) = (Vec::new(), &shapes.encoder);
-        let named = critics.enumerate().map(|(k, critic)| (format!("critic{k}."), critic));
-        let named = named.map(|(name, critic)| (name, critic, &shapes.critic));
-        for (name, network, mlp) in named.chain([("model.".to_owned(), model, &shapes.model)]) {
-            let (parameters, table) = network.copy(averaged)?;
-            all.extend(tensors(&name, encoder, mlp, &parameters, &table));
+        for (k, critic) in critics.enumerate() {
+            let (name, weights) = (format!("critic{k}."), critic.copy(averaged)?);
+            add_tensors(&name, encoder, &shapes.critic, &weights, &mut all);
         }
-        let spec = encoder.spec();
+        add_tensors("model.", encoder, &shapes.model, &model.copy(averaged)?, &mut all);
+        let tried = shapes.tried_actions.chunks(encoder.spec.action_dim);
         let outputs = CriticOutputs {
             critics: shapes.critics,
             distance_scale: shapes.distance_scale,
             pessimism: shapes.pessimism,
-            change_scale: spec.change_scale.clone(),
-            tried_actions: shapes
-                .tried_actions
-                .chunks(spec.action_dim)
-                .map(<[_]>::to_vec)
-                .collect(),
+            change_scale: encoder.spec.change_scale.clone(),
+            tried_actions: tried.map(<[_]>::to_vec).collect(),
             good_progress_steps: GOOD_PROGRESS_STEPS,
             min_gain_steps: MIN_GAIN_STEPS,
         };
@@ -167,16 +146,15 @@ impl CriticsExport {
     }
 }
 
-/// Returns the arrays of a network `mlp` with these `parameters` and grid `table` `(corners,
-/// channels)`, their names beginning with `prefix`.
-fn tensors(
+/// Adds the arrays of a network `mlp` with these parameters and grid table `(corners, channels)`,
+/// their names beginning with `prefix`.
+fn add_tensors(
     prefix: &str,
     encoder: &Encoder,
     mlp: &Mlp,
-    parameters: &[f32],
-    table: &[f32],
-) -> Vec<NamedTensor> {
-    let mut tensors = Vec::new();
+    (parameters, table): &(Vec<f32>, Option<Vec<f32>>),
+    tensors: &mut Vec<NamedTensor>,
+) {
     let mut add = |name: String, shape: &[usize], values: &[f32]| {
         let (name, shape, values) = (format!("{prefix}{name}"), shape.to_vec(), values.to_vec());
         tensors.push(NamedTensor { name, shape, values });
@@ -189,14 +167,12 @@ fn tensors(
     let shape = [mlp.outputs, mlp.hidden];
     add("output.weight".to_owned(), &shape, &parameters[mlp.output_weights()]);
     add("output.bias".to_owned(), &[mlp.outputs], &parameters[mlp.output_bias()]);
-    if let Some(grid) = encoder.grid() {
+    if let (Some(grid), Some(table)) = (&encoder.grid, table) {
         for (i, level) in grid.levels.iter().enumerate() {
             let mut shape = vec![level.corners; grid.dims];
-            shape.push(grid.channels);
-            let first = level.first * grid.channels;
-            let values = &table[first..first + shape.iter().product::<usize>()];
+            shape.push(CHANNELS);
+            let values = &table[level.first * CHANNELS..][..shape.iter().product()];
             add(format!("grid{i}"), &shape, values);
         }
     }
-    tensors
 }

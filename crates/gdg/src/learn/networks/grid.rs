@@ -5,17 +5,16 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+/// Trainable features at each corner of each grid.
+pub const CHANNELS: usize = 4;
+
 /// A level whose table would have more corners than this gets larger cells instead.
 const MAX_CORNERS: usize = 1 << 19;
 
 /// Geometry of the tables; positions are scaled to [-1, 1] along every axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridShape {
-    /// Axes of a position.
     pub dims: usize,
-    /// Trainable numbers at each corner.
-    pub channels: usize,
-    /// The resolutions.
     pub levels: Vec<Level>,
 }
 
@@ -31,14 +30,18 @@ pub struct Level {
 /// Read access to a table: its values, or their running average.
 #[derive(Clone, Copy)]
 pub struct TableView<'a> {
-    /// One line per corner: its value `(channels)`, followed by its stored average if there is one.
+    /// One line per corner: its value, followed by its stored average if there is one.
     pub lines: &'a [f32],
-    /// Numbers in a line.
+    /// Numbers in a line: [`LINE`] of a table in training, [`CHANNELS`] of a copy.
     pub stride: usize,
     /// For reading the average: the update as of which each corner's average is stored, and its
     /// decay since.
     pub average: Option<LazyAverageView<'a>>,
 }
+
+/// Numbers at a corner of a table in training: value, average, and Adam's first and second moment.
+/// That is one cache line, so a corner costs one cache miss instead of four.
+pub const LINE: usize = 4 * CHANNELS;
 
 /// The lazy running average of a table of which each update changes only a few corners.
 ///
@@ -49,7 +52,6 @@ pub struct TableView<'a> {
 pub struct LazyAverageView<'a> {
     /// Update as of which each corner's average is stored, `(corners)`.
     pub stored: &'a [u32],
-    /// Updates done so far.
     pub now: u32,
     /// `decay[k] = (1 - tau)^k`; 0 beyond its end.
     pub decay: &'a [f32],
@@ -72,8 +74,14 @@ struct LevelPosition {
     share: [f32; 3],
 }
 
+impl LevelPosition {
+    #[inline]
+    fn axis_weight(&self, bits: usize, axis: usize) -> f32 {
+        if bits >> axis & 1 == 1 { self.share[axis] } else { 1.0 - self.share[axis] }
+    }
+}
+
 impl Level {
-    /// Locates `position` in this level.
     fn place(self, position: &[f32]) -> LevelPosition {
         let mut place = LevelPosition { corner: self.first, share: [0.0; 3] };
         let mut stride = 1;
@@ -99,35 +107,16 @@ pub struct GridReads {
 }
 
 impl GridReads {
-    /// Removes all positions.
     pub fn clear(&mut self) {
         self.corners.clear();
         self.weights.clear();
     }
-
-    /// Adds the last position once more; a position has this many `reads`.
-    fn repeat_last(&mut self, reads: usize) {
-        self.corners.extend_from_within(self.corners.len() - reads..);
-        self.weights.extend_from_within(self.weights.len() - reads..);
-    }
-
-    fn row(&self, row: usize, reads: usize) -> (&[u32], &[f32]) {
-        let at = row * reads..(row + 1) * reads;
-        (&self.corners[at.clone()], &self.weights[at])
-    }
 }
 
 impl GridShape {
-    /// Creates tables for positions with `dims` axes; `cell_sizes` are in units of which the range
-    /// [-1, 1] spans `units`.
-    ///
-    /// # Panics
-    /// Panics if `dims` is not 1, 2 or 3.
-    pub fn new(dims: usize, channels: usize, cell_sizes: &[f32], units: f32) -> Self {
-        assert!(
-            (1..=3).contains(&dims),
-            "the grid encoding supports positions of one to three axes"
-        );
+    /// Creates tables for positions with one to three axes; `cell_sizes` are in units of which the
+    /// range [-1, 1] spans `units`.
+    pub fn new(dims: usize, cell_sizes: &[f32], units: f32) -> Self {
         let mut levels: Vec<Level> = Vec::new();
         let mut first = 0;
         for size in cell_sizes {
@@ -142,29 +131,27 @@ impl GridShape {
             levels.push(Level { corners, first });
             first += corners.pow(dims as u32);
         }
-        Self { dims, channels, levels }
+        Self { dims, levels }
     }
 
-    /// Returns the number of corners in all levels.
     pub fn corners(&self) -> usize {
         self.levels.last().map_or(0, |l| l.first + l.corners.pow(self.dims as u32))
     }
 
-    /// Returns the width of an encoded position.
     pub fn width(&self) -> usize {
-        self.levels.len() * self.channels
+        self.levels.len() * CHANNELS
     }
 
     /// Draws an initial table of small random values.
     pub fn initial(&self, rng: &mut ChaCha8Rng) -> Vec<f32> {
-        (0..self.corners() * self.channels).map(|_| rng.random_range(-0.01..0.01)).collect()
+        (0..self.corners() * CHANNELS).map(|_| rng.random_range(-0.01..0.01)).collect()
     }
 
     /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` is set if it is
     /// the upper one along axis k.
     #[inline]
     fn around(&self, level: Level, place: &LevelPosition, mut visit: impl FnMut(usize, usize)) {
-        for bits in 0..1usize << self.dims {
+        for bits in 0..self.corners_around() {
             let mut corner = place.corner;
             let mut stride = 1;
             for axis in 0..self.dims {
@@ -188,35 +175,30 @@ impl GridShape {
         for level in &self.levels {
             let place = level.place(position);
             self.around(*level, &place, |corner, bits| {
+                let weight = (0..self.dims).map(|axis| place.axis_weight(bits, axis)).product();
                 places.corners.push(corner as u32);
-                places
-                    .weights
-                    .push((0..self.dims).map(|axis| axis_weight(&place, bits, axis)).product());
+                places.weights.push(weight);
             });
         }
     }
 
     /// Adds the last of `places` once more.
     pub fn locate_again(&self, places: &mut GridReads) {
-        places.repeat_last(self.reads());
-    }
-
-    /// Returns the number of corners that a position reads in all levels.
-    fn reads(&self) -> usize {
-        self.levels.len() * self.corners_around()
+        let reads = self.levels.len() * self.corners_around();
+        places.corners.extend_from_within(places.corners.len() - reads..);
+        places.weights.extend_from_within(places.weights.len() - reads..);
     }
 
     /// Encodes the position at `row` of `places` into `out` (`width`).
     pub fn encode(&self, table: TableView, places: &GridReads, row: usize, out: &mut [f32]) {
-        match (self.channels, table.stride) {
-            // The default of four channels, vectorised: for a table in training, and for a copy.
-            (4, 16) => self.encode_fixed::<4, 16>(table, places, row, out),
-            (4, 4) => self.encode_fixed::<4, 4>(table, places, row, out),
-            _ => self.encode_any(table, places, row, out),
+        if table.stride == LINE {
+            self.encode_lines::<LINE>(table, places, row, out);
+        } else {
+            self.encode_lines::<CHANNELS>(table, places, row, out);
         }
     }
 
-    fn encode_fixed<const C: usize, const STRIDE: usize>(
+    fn encode_lines<const STRIDE: usize>(
         &self,
         table: TableView,
         places: &GridReads,
@@ -224,51 +206,29 @@ impl GridShape {
         out: &mut [f32],
     ) {
         let around = self.corners_around();
-        let (corners, weights) = places.row(row, self.reads());
+        let reads = self.levels.len() * around;
+        let at = row * reads..(row + 1) * reads;
+        let (corners, weights) = (&places.corners[at.clone()], &places.weights[at]);
         let (lines, _) = table.lines.as_chunks::<STRIDE>();
-        let (out, _) = out.as_chunks_mut::<C>();
+        let (out, _) = out.as_chunks_mut::<CHANNELS>();
         let levels = corners.chunks_exact(around).zip(weights.chunks_exact(around)).zip(out);
         for ((corners, weights), out) in levels {
-            let mut sum = [0.0; C];
+            let mut sum = [0.0; CHANNELS];
             for (corner, weight) in corners.iter().zip(weights) {
                 let line = &lines[*corner as usize];
                 match table.average {
-                    None => (0..C).for_each(|c| sum[c] += weight * line[c]),
+                    None => (0..CHANNELS).for_each(|c| sum[c] += weight * line[c]),
                     Some(lazy) => {
                         let remaining = lazy.remaining(*corner as usize);
                         // A copy has no average, and shorter lines.
-                        let stored =
-                            |c: usize| if STRIDE > C { line[(C + c) % STRIDE] } else { line[c] };
-                        (0..C).for_each(|c| {
+                        let stored = |c: usize| line[(CHANNELS + c) % STRIDE];
+                        (0..CHANNELS).for_each(|c| {
                             sum[c] += weight * (line[c] + (stored(c) - line[c]) * remaining);
                         });
                     }
                 }
             }
             *out = sum;
-        }
-    }
-
-    fn encode_any(&self, table: TableView, places: &GridReads, row: usize, out: &mut [f32]) {
-        let around = self.corners_around();
-        let (corners, weights) = places.row(row, self.reads());
-        out.fill(0.0);
-        let levels = corners.chunks_exact(around).zip(weights.chunks_exact(around));
-        for ((corners, weights), out) in levels.zip(out.chunks_exact_mut(self.channels)) {
-            for (corner, weight) in corners.iter().zip(weights) {
-                let corner = *corner as usize;
-                let line = &table.lines[corner * table.stride..(corner + 1) * table.stride];
-                let (value, stored) = line.split_at(self.channels);
-                match table.average {
-                    None => out.iter_mut().zip(value).for_each(|(o, w)| *o += weight * w),
-                    Some(lazy) => {
-                        let remaining = lazy.remaining(corner);
-                        for ((o, w), s) in out.iter_mut().zip(value).zip(stored) {
-                            *o += weight * (w + (s - w) * remaining);
-                        }
-                    }
-                }
-            }
         }
     }
 
@@ -281,16 +241,16 @@ impl GridShape {
         d_out: &[f32],
         d_position: &mut [f32],
     ) {
-        for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
+        for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(CHANNELS)) {
             let place = level.place(position);
             let per_unit = 0.5 * (level.corners - 1) as f32;
             self.around(*level, &place, |corner, bits| {
-                let values = &table.lines[corner * table.stride..][..self.channels];
+                let values = &table.lines[corner * table.stride..][..CHANNELS];
                 let along: f32 = values.iter().zip(d_out).map(|(v, d)| v * d).sum();
                 for (axis, d) in d_position.iter_mut().enumerate().take(self.dims) {
                     let others: f32 = (0..self.dims)
                         .filter(|a| *a != axis)
-                        .map(|a| axis_weight(&place, bits, a))
+                        .map(|a| place.axis_weight(bits, a))
                         .product();
                     let sign = if bits >> axis & 1 == 1 { per_unit } else { -per_unit };
                     // Positions are clamped to the range, so the gradient is zero outside it.
@@ -301,9 +261,4 @@ impl GridShape {
             });
         }
     }
-}
-
-#[inline]
-fn axis_weight(place: &LevelPosition, bits: usize, axis: usize) -> f32 {
-    if bits >> axis & 1 == 1 { place.share[axis] } else { 1.0 - place.share[axis] }
 }

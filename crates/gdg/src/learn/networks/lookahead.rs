@@ -1,9 +1,8 @@
 //! One step of lookahead: the action of a fixed set after which the critics expect the shortest
 //! distance.
 
-use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::network::Weights;
-use crate::learn::networks::shapes::Shapes;
+use crate::learn::networks::shapes::{Shapes, Workspaces};
 
 /// Minimum gain over the actor's action, in steps: smaller differences are noise of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
@@ -19,33 +18,6 @@ pub const BLOCKED_CHANGE: f32 = 0.5;
 /// Pairs whose actions are tried at a time, few enough for the activations to stay in the cache.
 const PAIRS: usize = 8;
 
-/// Buffers of lookahead.
-#[derive(Clone, Debug, Default)]
-pub struct LookaheadBuffers {
-    states: Vec<f32>,
-    goals: Vec<f32>,
-    actions: Vec<f32>,
-    next: Vec<f32>,
-    distances: Vec<f32>,
-    before: Vec<f32>,
-    plain: SharedFeatures,
-    model: Workspace,
-    critic: Workspace,
-}
-
-/// Better actions where the actor's own are blocked (see [`Shapes::find_ways_out`]).
-#[derive(Clone, Debug, Default)]
-pub struct WaysOut {
-    rows: Vec<usize>,
-    states: Vec<f32>,
-    goals: Vec<f32>,
-    own: Vec<f32>,
-    best: Vec<f32>,
-    lookahead: LookaheadBuffers,
-    /// `(rows, action_dim)`; NaN in rows without one.
-    pub actions: Vec<f32>,
-}
-
 /// Steps of the actor as the model predicts them.
 #[derive(Clone, Copy)]
 pub struct Steps<'a> {
@@ -57,21 +29,9 @@ pub struct Steps<'a> {
     pub next: &'a [f32],
 }
 
-/// Replaces each of `actions` `(rows, a)` by the one of those `tried` in its place,
-/// `(rows * count, a)`, whose D in `distances` `(rows * count)` is clearly the smallest; the first
-/// one tried is the action itself.
-fn keep_shortest(actions: &mut [f32], tried: &[f32], distances: &[f32], a: usize) {
-    let count = distances.len() / (actions.len() / a);
-    let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
-    for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
-        let mut shortest = distances[0] - MIN_GAIN_STEPS;
-        for (other, distance) in tried.chunks_exact(a).zip(distances).skip(1) {
-            if *distance < shortest {
-                shortest = *distance;
-                action.copy_from_slice(other);
-            }
-        }
-    }
+/// Returns some `rows` of `numbers`, which are `width` wide.
+fn chosen(rows: &[usize], numbers: &[f32], width: usize) -> Vec<f32> {
+    rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
 }
 
 /// Calls `improve` with these `rows` of states, goals and actions, each given with its width, and
@@ -83,38 +43,17 @@ pub fn improve_rows(
     (actions, a): (&mut [f32], usize),
     improve: impl FnOnce(&[f32], &[f32], &mut [f32]),
 ) {
-    let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
-        rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
-    };
-    let mut best = chosen(actions, a);
-    improve(&chosen(states, s), &chosen(goals, g), &mut best);
+    let mut best = chosen(rows, actions, a);
+    improve(&chosen(rows, states, s), &chosen(rows, goals, g), &mut best);
     for (row, action) in rows.iter().zip(best.chunks_exact(a)) {
         actions[row * a..(row + 1) * a].copy_from_slice(action);
     }
 }
 
 impl Shapes {
-    /// Finds the rows whose `actions` `(rows, action_dim)` in `states` make less than
-    /// [`GOOD_PROGRESS_STEPS`] towards `goals`, by f and by D of all `critics`.
-    fn slow_rows(
-        &self,
-        model: Weights,
-        critics: &[Weights],
-        Steps { states, actions, .. }: Steps,
-        goals: &[f32],
-        buffers: &mut LookaheadBuffers,
-    ) -> Vec<usize> {
-        let rows = goals.len() / self.encoder.spec().goal_dim();
-        let LookaheadBuffers { next, distances, before, plain, model: ws, critic, .. } = buffers;
-        next.resize(states.len(), 0.0);
-        self.next_states(model, states, actions, next, ws);
-        for (states, out) in [(states, &mut *before), (next, distances)] {
-            out.resize(rows, 0.0);
-            self.encoder.plain_pairs(states, goals, plain);
-            self.joint_distances(critics, Pairs { plain, states, goals }, out, critic);
-        }
-        let progress = before.iter().zip(distances).map(|(before, after)| before - *after);
-        progress.enumerate().filter(|(_, p)| *p < GOOD_PROGRESS_STEPS).map(|(i, _)| i).collect()
+    fn widths(&self) -> [usize; 3] {
+        let spec = &self.encoder.spec;
+        [spec.state_dim(), spec.goal_dim(), spec.action_dim]
     }
 
     /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those
@@ -130,14 +69,19 @@ impl Shapes {
         states: &[f32],
         goals: &[f32],
         actions: &mut [f32],
-        buffers: &mut LookaheadBuffers,
+        ws: &mut Workspaces,
     ) {
-        let spec = self.encoder.spec();
-        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
-        let steps = Steps { states, actions, next: &[] };
-        let rows = self.slow_rows(model, critics, steps, goals, buffers);
-        improve_rows(&rows, (states, s), (goals, g), (actions, a), |states, goals, actions| {
-            self.try_actions(model, critics, states, goals, actions, buffers);
+        let [s, g, a] = self.widths();
+        let rows = goals.len() / g;
+        let (mut next, mut before, mut after) =
+            (vec![0.0; states.len()], vec![0.0; rows], vec![0.0; rows]);
+        self.next_states(model, states, actions, &mut next, &mut ws.model);
+        self.distances_between(critics, states, goals, &mut before, &mut ws.critic);
+        self.distances_between(critics, &next, goals, &mut after, &mut ws.critic);
+        let slow: Vec<usize> =
+            (0..rows).filter(|i| before[*i] - after[*i] < GOOD_PROGRESS_STEPS).collect();
+        improve_rows(&slow, (states, s), (goals, g), (actions, a), |states, goals, actions| {
+            self.try_actions(model, critics, states, goals, actions, ws);
         });
     }
 
@@ -149,79 +93,69 @@ impl Shapes {
         states: &[f32],
         goals: &[f32],
         actions: &mut [f32],
-        buffers: &mut LookaheadBuffers,
+        ws: &mut Workspaces,
     ) {
-        let spec = self.encoder.spec();
-        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        let [s, g, a] = self.widths();
+        let count = 1 + self.tried_actions.len() / a;
+        let (mut tried, mut next, mut distances) = (Vec::new(), Vec::new(), Vec::new());
         let chunks = states
             .chunks(PAIRS * s)
             .zip(goals.chunks(PAIRS * g))
             .zip(actions.chunks_mut(PAIRS * a));
         for ((states, goals), actions) in chunks {
-            let LookaheadBuffers {
-                states: from,
-                goals: to,
-                actions: tried,
-                next,
-                distances,
-                plain,
-                ..
-            } = buffers;
-            [&mut *from, to, tried].into_iter().for_each(Vec::clear);
-            for ((state, goal), own) in
-                states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(actions.chunks_exact(a))
-            {
-                let count = 1 + self.tried_actions.len() / a;
-                for _ in 0..count {
-                    from.extend(state);
-                    to.extend(goal);
-                }
+            let repeated = |numbers: &[f32], width: usize| -> Vec<f32> {
+                numbers.chunks_exact(width).flat_map(|row| row.repeat(count)).collect()
+            };
+            let (from, to) = (repeated(states, s), repeated(goals, g));
+            tried.clear();
+            for own in actions.chunks_exact(a) {
                 tried.extend(own);
                 tried.extend(&self.tried_actions);
             }
-            let rows = tried.len() / a;
-            next.resize(rows * s, 0.0);
-            self.next_states(model, from, tried, next, &mut buffers.model);
-            self.encoder.plain_pairs(next, to, plain);
-            distances.resize(rows, 0.0);
-            self.joint_distances(
-                critics,
-                Pairs { plain, states: next, goals: to },
-                distances,
-                &mut buffers.critic,
-            );
-            keep_shortest(actions, tried, distances, a);
+            next.resize(from.len(), 0.0);
+            self.next_states(model, &from, &tried, &mut next, &mut ws.model);
+            distances.resize(tried.len() / a, 0.0);
+            self.distances_between(critics, &next, &to, &mut distances, &mut ws.critic);
+            let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
+            for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
+                let mut shortest = distances[0] - MIN_GAIN_STEPS;
+                for (other, distance) in tried.chunks_exact(a).zip(distances).skip(1) {
+                    if *distance < shortest {
+                        shortest = *distance;
+                        action.copy_from_slice(other);
+                    }
+                }
+            }
         }
     }
 
     /// Finds better actions by lookahead towards `goals` for the rows of positive weight whose
     /// actions are blocked, as the model predicts. Actions similar to a blocked one are blocked,
-    /// too, so that the gradient of Algorithm 1 vanishes.
+    /// too, so that the gradient of Algorithm 1 vanishes. Writes them to `found` `(rows,
+    /// action_dim)`; NaN in rows without one.
     pub fn find_ways_out(
         &self,
         model: Weights,
         critic: Weights,
         Steps { states, actions, next }: Steps,
         (goals, weights): (&[f32], &[f32]),
-        ways: &mut WaysOut,
+        found: &mut Vec<f32>,
+        ws: &mut Workspaces,
     ) {
-        let spec = self.encoder.spec();
-        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        let [s, g, a] = self.widths();
         let is_blocked = |row: &usize| {
             let at = row * s..(row + 1) * s;
             let changes =
                 next[at.clone()].iter().zip(&states[at]).map(|(next, state)| (next - state).abs());
-            changes.zip(&spec.change_scale).all(|(change, scale)| change <= BLOCKED_CHANGE * scale)
+            let scales = &self.encoder.spec.change_scale;
+            changes.zip(scales).all(|(change, scale)| change <= BLOCKED_CHANGE * scale)
         };
-        let WaysOut { rows, states: from, goals: to, own, best, lookahead, actions: found } = ways;
-        rows.clear();
-        rows.extend((0..states.len() / s).filter(|row| weights[*row] > 0.0).filter(is_blocked));
-        for (chosen, all, width) in [(&mut *from, states, s), (to, goals, g), (own, actions, a)] {
-            chosen.clear();
-            rows.iter().for_each(|row| chosen.extend(&all[row * width..(row + 1) * width]));
-        }
-        best.clone_from(own);
-        self.try_actions(model, &[critic], from, to, best, lookahead);
+        let rows: Vec<usize> =
+            (0..weights.len()).filter(|row| weights[*row] > 0.0).filter(is_blocked).collect();
+        let own = chosen(&rows, actions, a);
+        let mut best = own.clone();
+        let (from, to) = (chosen(&rows, states, s), chosen(&rows, goals, g));
+        self.try_actions(model, &[critic], &from, &to, &mut best, ws);
         found.clear();
         found.resize(actions.len(), f32::NAN);
         for ((row, own), best) in rows.iter().zip(own.chunks_exact(a)).zip(best.chunks_exact(a)) {

@@ -50,7 +50,6 @@ pub struct GradientRequest<'a> {
 }
 
 impl Mlp {
-    /// Returns the length of the flat parameter vector.
     pub fn parameters(&self) -> usize {
         self.output_bias().end
     }
@@ -63,7 +62,6 @@ impl Mlp {
         start..start + self.layer_inputs(layer) * self.hidden
     }
 
-    /// Returns the range of hidden layer `layer`'s biases.
     pub fn bias(&self, layer: usize) -> Range<usize> {
         let end = self.weights(layer).end;
         end..end + self.hidden
@@ -75,13 +73,11 @@ impl Mlp {
         start..start + self.outputs * self.hidden
     }
 
-    /// Returns the range of the output layer's biases.
     pub fn output_bias(&self) -> Range<usize> {
         let end = self.output_weights().end;
         end..end + self.outputs
     }
 
-    /// Returns the number of inputs of hidden layer `layer`.
     pub fn layer_inputs(&self, layer: usize) -> usize {
         if layer == 0 { self.inputs } else { self.hidden }
     }
@@ -224,28 +220,18 @@ impl Mlp {
 
 #[cfg(test)]
 mod tests {
-    use candle_core::{Device, Tensor, Var};
-
     use super::*;
-    use crate::learn::update::reference;
+    use crate::learn::reference::{self, Net, wide};
+    use crate::learn::tests::assert_gradient;
 
-    /// Returns numbers of both signs that differ between seeds; hardly any unit is at 0, where
-    /// autograd's derivative is another one.
+    /// Returns numbers of both signs that differ between seeds; hardly any unit is at 0, where the
+    /// derivative is another one.
     fn numbers(length: usize, seed: usize) -> Vec<f32> {
         (0..length).map(|i| ((i * 31 + seed * 13) % 23) as f32 * 0.0617 - 0.653).collect()
     }
 
-    fn assert_close(found: &[f32], expected: &Tensor, label: &str) {
-        let expected: Vec<f32> = expected.flatten_all().unwrap().to_vec1().unwrap();
-        assert_eq!(found.len(), expected.len(), "{label}");
-        for (found, expected) in found.iter().zip(expected) {
-            let off = (found - expected).abs();
-            assert!(off < 1e-4 * (1.0 + expected.abs()), "{label}: {found}, not {expected}");
-        }
-    }
-
-    /// Compares an MLP on `rows` rows with candle, forward and backward, with the inputs' gradient from
-    /// column `from` on.
+    /// Compares an MLP on `rows` rows, forward and backward, with the inputs' gradient from column
+    /// `from` on.
     fn check(mlp: &Mlp, rows: usize, from: usize, acts: &mut Activations, packed: &mut Packed) {
         let [parameters, x, dy] =
             [(mlp.parameters(), 1), (rows * mlp.inputs, 2), (rows * mlp.outputs, 3)]
@@ -258,16 +244,20 @@ mod tests {
             GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
         mlp.backward(&parameters, packed, &x, &dy, acts, wanted);
 
-        let dense = Var::from_slice(&parameters, parameters.len(), &Device::Cpu).unwrap();
-        let inputs = Var::from_slice(&x, (rows, mlp.inputs), &Device::Cpu).unwrap();
-        let weights = Tensor::from_slice(&dy, (rows, mlp.outputs), &Device::Cpu).unwrap();
-        let outputs = reference::mlp(mlp, &dense, &inputs).unwrap();
-        let gradients = (&outputs * weights).unwrap().sum_all().unwrap().backward().unwrap();
-        let cut = gradients.get(&inputs).unwrap().narrow(1, from, mlp.inputs - from).unwrap();
-        let label = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
-        assert_close(&y, &outputs, &label("outputs"));
-        assert_close(&gradient, gradients.get(&dense).unwrap(), &label("gradient"));
-        assert_close(&dx, &cut, &label("inputs' gradient"));
+        let label = format!("{mlp:?}, {rows} rows from {from}");
+        let outputs = |Net([parameters, x]): &Net| -> Vec<f64> {
+            x.chunks_exact(mlp.inputs).flat_map(|x| reference::mlp(mlp, parameters, x)).collect()
+        };
+        let at = Net([&parameters, &x].map(|part| wide(part)));
+        for (found, expected) in y.iter().zip(outputs(&at)) {
+            let off = (f64::from(*found) - expected).abs();
+            assert!(off < 1e-4 * (1.0 + expected.abs()), "{label}: {found}, not {expected}");
+        }
+        // As if the last inputs were all: the others have no gradient here.
+        let whole = dx.chunks_exact(mlp.inputs - from);
+        let whole = whole.flat_map(|dx| [&vec![f32::NAN; from], dx].concat()).collect();
+        let loss = |net: &Net| outputs(net).iter().zip(wide(&dy)).map(|(y, dy)| y * dy).sum();
+        assert_gradient(&label, &at, &[gradient, whole], loss);
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! D and mu for inference.
 
-use crate::learn::networks::encoder::Encoder;
-use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
-use crate::learn::networks::lookahead::{LookaheadBuffers, improve_rows};
-use crate::learn::networks::mlp::Mlp;
-use crate::learn::networks::network::Weights;
+use std::sync::Arc;
+
+use crate::learn::networks::encoder::{Pairs, SharedFeatures};
+use crate::learn::networks::lookahead::improve_rows;
+use crate::learn::networks::network::{OwnedWeights, Weights};
 use crate::learn::networks::shapes::{Shapes, Workspaces};
 
 /// Rows per forward pass, few enough for their activations to stay in the cache.
@@ -14,48 +14,25 @@ const ROWS: usize = 128;
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     plain: SharedFeatures,
-    ws: Workspace,
-    /// For learners whose D takes two networks.
-    second: Workspace,
-    lookahead: LookaheadBuffers,
-    /// For steps that the dynamics model imagines; boxed, as few need them.
-    imagined: Box<Workspaces>,
+    networks: Box<Workspaces>,
 }
 
 impl Scratch {
-    /// Calls `compute` for a few pairs at a time, with their rows of `out` `(rows, width)` and two
-    /// buffers.
-    pub(in crate::learn) fn for_pairs(
+    /// Calls `compute` for a few pairs at a time, with their rows of `out` `(rows, width)`.
+    fn for_pairs(
         &mut self,
-        encoder: &Encoder,
-        states: &[f32],
-        goals: &[f32],
-        out: &mut [f32],
-        width: usize,
-        compute: impl Fn(Pairs, &mut [f32], [&mut Workspace; 2]),
+        shapes: &Shapes,
+        [states, goals]: [&[f32]; 2],
+        (out, width): (&mut [f32], usize),
+        compute: impl Fn(Pairs, &mut [f32], &mut Workspaces),
     ) {
-        let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
+        let (s, g) = (shapes.encoder.spec.state_dim(), shapes.encoder.spec.goal_dim());
         let chunks =
             states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * width));
-        let Self { plain, ws, second, .. } = self;
         for ((states, goals), out) in chunks {
-            encoder.plain_pairs(states, goals, plain);
-            compute(Pairs { plain, states, goals }, out, [ws, second]);
+            shapes.encoder.plain_pairs(states, goals, &mut self.plain);
+            compute(Pairs { plain: &self.plain, states, goals }, out, &mut self.networks);
         }
-    }
-
-    /// Computes the actions mu(s, g) of an `actor` of these sizes, `out` `(rows, action_dim)`.
-    pub(in crate::learn) fn actions(
-        &mut self,
-        encoder: &Encoder,
-        sizes: &Mlp,
-        actor: Weights,
-        [states, goals]: [&[f32]; 2],
-        out: &mut [f32],
-    ) {
-        self.for_pairs(encoder, states, goals, out, sizes.outputs, |pairs, out, [ws, _]| {
-            ws.actions(encoder, sizes, actor, pairs, out);
-        });
     }
 }
 
@@ -102,12 +79,6 @@ pub(in crate::learn) struct DistanceQueries {
 }
 
 impl DistanceQueries {
-    /// Removes all pairs.
-    pub fn clear(&mut self) {
-        [&mut self.states, &mut self.goals, &mut self.distances].into_iter().for_each(Vec::clear);
-    }
-
-    /// Adds a pair.
     pub fn push(&mut self, state: &[f32], goal: &[f32]) {
         self.states.extend(state);
         self.goals.extend(goal);
@@ -149,26 +120,54 @@ pub fn look_ahead(
     });
 }
 
-/// Borrowed weights of critics, dynamics model and actor.
+/// Borrowed weights of a learner's networks.
 #[derive(Clone)]
 pub struct Nets<'a> {
-    pub(in crate::learn) shapes: &'a Shapes,
-    pub(in crate::learn) critics: Vec<Weights<'a>>,
-    pub(in crate::learn) model: Weights<'a>,
-    pub(in crate::learn) actor: Weights<'a>,
+    pub shapes: &'a Shapes,
+    pub critics: Vec<Weights<'a>>,
+    pub model: Option<Weights<'a>>,
+    pub actor: Weights<'a>,
+}
+
+impl Shapes {
+    /// Returns networks with these weights, in the order in which a learner has them: critics,
+    /// model, actor.
+    pub fn nets<'a>(&'a self, mut weights: Vec<Weights<'a>>) -> Nets<'a> {
+        let (model, actor) = (weights[self.critics], weights[weights.len() - 1]);
+        weights.truncate(self.critics);
+        let model = self.returns.is_none().then_some(model);
+        Nets { shapes: self, critics: weights, model, actor }
+    }
 }
 
 impl Policy for Nets<'_> {
-    /// Computes D by all critics.
+    /// Computes D by all critics. Where D is given, it passes through walls; where critics learn Q,
+    /// it is Q(s, mu(s, g), g) by the most pessimistic one in steps.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        scratch.for_pairs(&self.shapes.encoder, states, goals, out, 1, |pairs, out, [ws, _]| {
-            self.shapes.joint_distances(&self.critics, pairs, out, ws);
+        let (shapes, spec) = (self.shapes, &self.shapes.encoder.spec);
+        if self.critics.is_empty() {
+            let pairs =
+                states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
+            for (out, (state, goal)) in out.iter_mut().zip(pairs) {
+                *out = spec.goal_distance(state, goal) / shapes.step_length;
+            }
+            return;
+        }
+        scratch.for_pairs(shapes, [states, goals], (out, 1), |pairs, out, ws| {
+            let Some(returns) = &shapes.returns else {
+                return shapes.joint_distances(&self.critics, pairs, out, &mut ws.critic);
+            };
+            shapes.values_of_actor(self.actor, &self.critics, pairs, &[], out, ws);
+            out.iter_mut().for_each(|q| *q = returns.steps(*q));
         });
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let Shapes { encoder, actor, .. } = self.shapes;
-        scratch.actions(encoder, actor, self.actor, [states, goals], out);
+        let out = (out, actor.outputs);
+        scratch.for_pairs(self.shapes, [states, goals], out, |pairs, out, ws| {
+            ws.actor.actions(encoder, actor, self.actor, pairs, out);
+        });
     }
 
     fn improve_actions(
@@ -178,18 +177,54 @@ impl Policy for Nets<'_> {
         actions: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        let lookahead = &mut scratch.lookahead;
-        self.shapes.improve_actions(self.model, &self.critics, states, goals, actions, lookahead);
+        if let Some(model) = self.model.filter(|_| !self.critics.is_empty()) {
+            let (critics, ws) = (&self.critics, &mut scratch.networks);
+            self.shapes.improve_actions(model, critics, states, goals, actions, ws);
+        }
     }
 }
 
 impl Imagine for Nets<'_> {
     fn step(&self, states: &[f32], goals: &[f32], next: &mut Vec<f32>, scratch: &mut Scratch) {
-        let Scratch { plain, imagined, .. } = scratch;
+        let Scratch { plain, networks } = scratch;
         self.shapes.encoder.plain_pairs(states, goals, plain);
-        let pairs = Pairs { plain, states, goals };
-        self.shapes.step_with_actor(self.actor, self.model, pairs, next, imagined);
+        if let Some(model) = self.model {
+            let pairs = Pairs { plain, states, goals };
+            self.shapes.step_with_actor(self.actor, model, pairs, next, networks);
+        }
         next.truncate(states.len());
+    }
+}
+
+/// A frozen copy of a learner's networks.
+pub struct Frozen {
+    pub shapes: Arc<Shapes>,
+    pub weights: Vec<OwnedWeights>,
+}
+
+impl Frozen {
+    fn nets(&self) -> Nets<'_> {
+        self.shapes.nets(self.weights.iter().map(OwnedWeights::weights).collect())
+    }
+}
+
+impl Policy for Frozen {
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.nets().distances(states, goals, out, scratch);
+    }
+
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.nets().actions(states, goals, out, scratch);
+    }
+
+    fn improve_actions(
+        &self,
+        states: &[f32],
+        goals: &[f32],
+        actions: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        self.nets().improve_actions(states, goals, actions, scratch);
     }
 }
 

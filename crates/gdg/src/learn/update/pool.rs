@@ -35,7 +35,6 @@ struct Calls {
 }
 
 impl Calls {
-    /// Runs tasks until none is left.
     fn run_tasks(&self) {
         loop {
             let task = self.next.fetch_add(1, Ordering::Relaxed);
@@ -123,7 +122,6 @@ impl ThreadPool {
         (1..self.most).map_while(start).collect()
     }
 
-    /// Returns the helpers that work at present.
     fn active_helpers(&self) -> &[JoinHandle<()>] {
         let helpers = self.helpers.get_or_init(|| self.start_helpers());
         &helpers[..helpers.len().min(self.active.load(Ordering::Relaxed) - 1)]

@@ -140,7 +140,6 @@ impl Chooser {
         }
     }
 
-    /// Returns the number of threads for the next update.
     pub fn threads(&self) -> usize {
         self.numbers[self.trial.map_or(self.usual, |trial| trial.at)]
     }
@@ -158,7 +157,6 @@ impl Chooser {
         }
     }
 
-    /// Goes on with a trial or ends it.
     fn record_trial(&mut self, mut trial: Trial, now: Duration, took: f64) {
         let Some(first) = trial.first else {
             self.trial = Some(Trial { first: Some(took), ..trial });
@@ -212,102 +210,55 @@ impl Chooser {
 mod tests {
     use super::*;
 
-    /// Another program on the other cores.
-    #[derive(Clone, Copy, Debug)]
-    enum Load {
-        Idle,
-        /// Suspends helpers; on one thread, updates take as long as without it.
-        Busy,
-        /// Busy and idle, a second each.
-        ComesAndGoes,
-    }
-
-    impl Load {
-        fn is_on(self, now: Duration) -> bool {
-            match self {
-                Self::Idle => false,
-                Self::Busy => true,
-                Self::ComesAndGoes => now.as_secs() % 2 == 1,
-            }
-        }
-    }
+    type IsBusy = fn(Duration) -> bool;
 
     /// How long a busy core suspends a helper, and how long it lets one run.
     const SUSPENDED: Duration = Duration::from_millis(6);
 
-    /// Returns how long update number `i` takes at time `now`: `alone` on one thread, nearly as
-    /// many times faster as there are threads on idle cores. On busy ones, it waits for suspended
-    /// helpers. All updates vary by a tenth.
-    fn update(load: Load, alone: Duration, threads: usize, now: Duration, i: u32) -> Duration {
-        let drawn = |salt: u32| {
-            let mixed = (i ^ salt).wrapping_mul(0x9E37_79B1);
-            f64::from((mixed ^ mixed >> 15).wrapping_mul(0x85EB_CA77)) / f64::from(u32::MAX)
-        };
-        let fast = alone.mul_f64((0.95 + 0.1 * drawn(1)) * (0.2 + 0.8 / threads as f64));
-        let suspensions = (threads - 1) as f64 * fast.div_duration_f64(SUSPENDED);
-        let waits = load.is_on(now) && drawn(2) < suspensions;
-        fast + if waits { SUSPENDED.mul_f64(suspensions.max(1.0)) } else { Duration::ZERO }
-    }
-
-    /// Training beside a load, in simulated time.
-    struct Simulation {
-        load: Load,
-        alone: Duration,
-        chooser: Chooser,
-        now: Duration,
-        updates: u32,
-    }
-
-    impl Simulation {
-        fn new(load: Load, alone: Duration, chooser: Chooser) -> Self {
-            Self { load, alone, chooser, now: Duration::ZERO, updates: 0 }
-        }
-
-        /// Performs an update, and explores for a fifth of the time of one.
-        fn update(&mut self) {
-            let threads = self.chooser.threads();
-            let took = update(self.load, self.alone, threads, self.now, self.updates);
-            self.now += took;
-            self.chooser.record(self.now, took);
-            self.now += self.alone / 5;
-            self.updates += 1;
-        }
-
-        /// Trains until time `end`.
-        fn train_until(&mut self, end: Duration) {
-            while self.now < end {
-                self.update();
+    /// Returns the updates per second within 20 s of simulated time beside another program that
+    /// `is_busy` at times: then updates wait for suspended helpers. An update takes `alone` on one
+    /// thread and, on idle cores, is nearly as many times faster as there are threads; all vary by a
+    /// tenth. Exploring takes a fifth of the time of an update.
+    fn rate(is_busy: IsBusy, alone: Duration, mut chooser: Chooser) -> f64 {
+        let (mut now, mut updates) = (Duration::ZERO, 0_u32);
+        while now < Duration::from_secs(20) {
+            let drawn = |salt: u32| {
+                let mixed = (updates ^ salt).wrapping_mul(0x9E37_79B1);
+                f64::from((mixed ^ mixed >> 15).wrapping_mul(0x85EB_CA77)) / f64::from(u32::MAX)
+            };
+            let threads = chooser.threads() as f64;
+            let mut took = alone.mul_f64((0.95 + 0.1 * drawn(1)) * (0.2 + 0.8 / threads));
+            let suspensions = (threads - 1.0) * took.div_duration_f64(SUSPENDED);
+            if is_busy(now) && drawn(2) < suspensions {
+                took += SUSPENDED.mul_f64(suspensions.max(1.0));
             }
+            now += took;
+            chooser.record(now, took);
+            now += alone / 5;
+            updates += 1;
         }
-
-        /// Returns the updates per second within 20 s.
-        fn rate(mut self) -> f64 {
-            self.train_until(Duration::from_secs(20));
-            f64::from(self.updates) / self.now.as_secs_f64()
-        }
-    }
-
-    /// Returns a chooser that has one number only.
-    fn fixed(number: usize) -> Chooser {
-        Chooser { numbers: vec![number], paces: vec![Pace::default()], usual: 0, ..Chooser::new(1) }
-    }
-
-    fn assert_nearly_best(load: Load, alone: Duration, most: usize) {
-        let rate = |chooser| Simulation::new(load, alone, chooser).rate();
-        let best = (1..=most).map(|number| rate(fixed(number))).fold(0.0, f64::max);
-        let ratio = rate(Chooser::new(most)) / best;
-        assert!(ratio > 0.95, "{alone:?}, {load:?}, up to {most} threads: {ratio:.3}");
+        f64::from(updates) / now.as_secs_f64()
     }
 
     #[test]
     fn it_is_nearly_as_fast_as_the_best_number_whatever_the_other_cores_do() {
+        let loads: [(IsBusy, &[u64]); 3] = [
+            (|_| false, &[400, 1_000, 15_000]),
+            (|_| true, &[400, 1_000, 15_000]),
+            (|now| now.as_secs() % 2 == 1, &[400, 1_000]),
+        ];
+        let fixed = |number| {
+            let paces = vec![Pace::default()];
+            Chooser { numbers: vec![number], paces, usual: 0, ..Chooser::new(1) }
+        };
         for most in [1, 2, 3, 4, 6] {
-            for alone in [400, 1_000, 15_000].map(Duration::from_micros) {
-                assert_nearly_best(Load::Idle, alone, most);
-                assert_nearly_best(Load::Busy, alone, most);
-            }
-            for alone in [400, 1_000].map(Duration::from_micros) {
-                assert_nearly_best(Load::ComesAndGoes, alone, most);
+            for (load, (is_busy, durations)) in loads.into_iter().enumerate() {
+                for alone in durations.iter().copied().map(Duration::from_micros) {
+                    let rate = |chooser| rate(is_busy, alone, chooser);
+                    let best = (1..=most).map(|number| rate(fixed(number))).fold(0.0, f64::max);
+                    let ratio = rate(Chooser::new(most)) / best;
+                    assert!(ratio > 0.95, "{alone:?}, load {load}, up to {most}: {ratio:.3}");
+                }
             }
         }
     }

@@ -12,130 +12,138 @@ use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
 use crate::job::Job;
-use crate::learn::networks::dense::LearningRates;
-use crate::learn::networks::export::ActorExport;
-use crate::learn::networks::network::{LockedNetwork, Network, Weights};
-use crate::learn::networks::shapes::check_state_dim;
-use crate::learn::networks::table::TouchedCorners;
+use crate::learn::data::batch::Batch;
+use crate::learn::networks::mlp::Mlp;
+use crate::learn::networks::network::{
+    LearningRates, LockedNetwork, Network, TouchedCorners, Weights,
+};
+use crate::learn::networks::policy::{Frozen, Nets, Policy, Scratch};
+use crate::learn::networks::shapes::Shapes;
 use crate::learn::settings::LearnSettings;
-use crate::learn::update::gradient::{FullGradient, Gradient, full_gradient};
-use crate::learn::update::gradient::{Half, step_half};
 use crate::learn::update::losses::Losses;
-use crate::learn::update::objective::{Frozen, NetworkPlan, NetworkWeights, Objective, Part};
+use crate::learn::update::parts::{
+    Gradient, Half, PAIRS, Part, TRANSITIONS, find_corners, parts_of, step_half,
+};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
-use crate::learn::update::rows::parts_of;
 use crate::learn::update::threads::Threads;
 
 /// Networks with all that is needed to train them. The number of threads does not change results.
-pub struct Training<O: Objective> {
-    shared: Arc<Shared<O>>,
+pub struct Training {
+    shared: Arc<Shared>,
     pool: ThreadPool,
 }
 
 /// Data shared by the threads of an update.
-struct Shared<O: Objective> {
-    objective: Arc<O>,
+struct Shared {
+    shapes: Arc<Shapes>,
     rates: LearningRates,
+    /// Critics, model and actor, as far as the learner has them.
     networks: Vec<(NetworkPlan, Network)>,
-    parts: Vec<Mutex<Part<O::Buffers>>>,
+    parts: Vec<Mutex<Part>>,
     /// The latest batch.
-    batch: Arc<RwLock<O::Batch>>,
+    batch: RwLock<Batch>,
     /// Grid table corners around each set of the batch's positions.
     touched: Vec<RwLock<TouchedCorners>>,
 }
 
-/// Tasks of one phase.
-type Work<O> = fn(&Shared<O>, usize) -> Result<()>;
+/// A network to create.
+struct NetworkPlan {
+    /// Its name in checkpoints.
+    name: String,
+    mlp: Mlp,
+    /// Whether it has a running average.
+    is_averaged: bool,
+    /// The set of positions that it reads.
+    positions: usize,
+}
 
-impl<O: Objective> Training<O> {
-    /// Creates the networks of `objective` with random parameters. `threads` share the work of
-    /// each update.
-    ///
-    /// # Errors
-    /// Returns an error if states are too large, or a tensor operation fails.
+impl Shapes {
+    /// Returns the networks, in the order in which they are created.
+    fn networks(&self) -> Vec<NetworkPlan> {
+        let plan = |name: &str, mlp, positions| NetworkPlan {
+            name: format!("{}{name}", self.prefix),
+            mlp,
+            is_averaged: positions == PAIRS,
+            positions,
+        };
+        let critics = (0..self.critics).map(|k| plan(&format!("critic{k}"), self.critic, PAIRS));
+        let model = self.returns.is_none().then(|| plan("model", self.model, TRANSITIONS));
+        critics.chain(model).chain([plan("actor", self.actor, PAIRS)]).collect()
+    }
+
+    /// Returns the number of trainable parameters in all networks.
+    pub fn count_parameters(&self) -> u64 {
+        self.networks().iter().map(|plan| self.encoder.parameters_with(&plan.mlp)).sum()
+    }
+}
+
+/// Tasks of one phase.
+type Work = fn(&Shared, usize) -> Result<()>;
+
+impl Training {
+    /// Creates the networks with random parameters. `threads` share the work of each update.
     pub fn new(
-        objective: O,
+        shapes: Shapes,
         settings: &LearnSettings,
         threads: impl Into<Threads>,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
-        check_state_dim(objective.encoder().spec())?;
-        let grid = objective.encoder().grid();
         let create = |plan: NetworkPlan| {
             let tau = plan.is_averaged.then_some(settings.tau);
-            Network::new(plan.mlp, grid, tau, rng).map(|network| (plan, network))
+            Network::new(plan.mlp, shapes.encoder.grid.as_ref(), tau, rng)
+                .map(|network| (plan, network))
         };
-        let networks = objective.networks().into_iter().map(create).collect::<Result<Vec<_>>>()?;
+        let networks = shapes.networks().into_iter().map(create).collect::<Result<Vec<_>>>()?;
         let part = |_| {
             let gradients = vec![Gradient::default(); networks.len()];
             Mutex::new(Part { gradients, ..Part::default() })
         };
+        let sets = if shapes.returns.is_none() { 2 } else { 1 };
         let shared = Shared {
             rates: LearningRates::from_settings(settings),
             parts: (0..parts_of(settings.batch_size)).map(part).collect(),
             networks,
-            batch: Arc::default(),
-            touched: (0..O::POSITION_SETS).map(|_| RwLock::default()).collect(),
-            objective: Arc::new(objective),
+            batch: RwLock::default(),
+            touched: (0..sets).map(|_| RwLock::default()).collect(),
+            shapes: Arc::new(shapes),
         };
         // No phase has more tasks.
-        let tasks = (O::POSITION_SETS + shared.parts.len()).max(2 * shared.actor());
+        let tasks = shared.gradient_tasks().max(2 * shared.actor());
         let pool = ThreadPool::new(threads.into(), tasks);
         Ok(Self { shared: Arc::new(shared), pool })
     }
 
-    /// Returns what the networks compute and learn.
-    pub fn objective(&self) -> &O {
-        &self.shared.objective
+    pub fn shapes(&self) -> &Shapes {
+        &self.shared.shapes
     }
 
-    /// Returns the learning rates.
-    pub fn rates(&self) -> LearningRates {
-        self.shared.rates
-    }
-
-    /// Returns all networks; the actor comes last.
-    pub fn networks(&self) -> impl DoubleEndedIterator<Item = &Network> + ExactSizeIterator {
-        self.shared.networks.iter().map(|(_, network)| network)
-    }
-
-    /// Returns all networks with their names in checkpoints.
-    pub fn named(&self) -> impl Iterator<Item = (&str, &Network)> {
+    pub fn named(&self) -> impl DoubleEndedIterator<Item = (&str, &Network)> {
         self.shared.networks.iter().map(|(plan, network)| (plan.name.as_str(), network))
     }
 
-    /// Returns network number `k`.
     pub fn network(&self, k: usize) -> &Network {
         &self.shared.networks[k].1
     }
 
-    /// Returns the actor.
     pub fn actor(&self) -> &Network {
         self.network(self.shared.actor())
     }
 
-    /// Returns the number of updates done.
-    pub fn updates(&self) -> u64 {
-        self.actor().steps()
-    }
-
     /// Returns the latest batch, to be read or replaced.
-    pub fn batch(&self) -> &Arc<RwLock<O::Batch>> {
+    pub fn batch(&self) -> &RwLock<Batch> {
         &self.shared.batch
     }
 
     /// Updates all networks once on the latest batch and adds the time to `profile`;
     /// `job` beats before each part.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
     pub fn update(&self, job: Option<&Job>, profile: &mut Profile) -> Result<Losses> {
-        let phases: [(Stage, usize, Work<O>); 4] = [
-            (Stage::CriticModelGradients, self.gradient_tasks(), Shared::corners_or_gradients),
-            (Stage::CriticModelSteps, 2 * self.shared.actor(), Shared::step),
-            (Stage::ActorGradient, self.shared.parts.len(), Shared::actor_gradient),
-            (Stage::ActorStep, 2, Shared::step_actor),
+        let (actor, parts) = (self.shared.actor(), self.shared.parts.len());
+        let phases: [(Stage, usize, Work); 4] = [
+            (Stage::CriticModelGradients, self.shared.gradient_tasks(), Shared::gradients),
+            (Stage::CriticModelSteps, 2 * actor, Shared::step),
+            (Stage::ActorGradient, parts, Shared::actor_gradient),
+            (Stage::ActorStep, 2, |shared, task| shared.step(2 * shared.actor() + task)),
         ];
         let first_began = Instant::now();
         let mut began = first_began;
@@ -147,133 +155,120 @@ impl<O: Objective> Training<O> {
         Ok(self.losses())
     }
 
-    /// Computes losses and gradients on `batch` without a step, for checks against other
-    /// implementations: see [`Self::full_gradient`].
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    pub fn compute_gradients(&self, batch: &O::Batch) -> Result<Losses> {
-        self.batch().write().clone_from(batch);
-        let run = |tasks, work: Work<O>| self.pool.try_run(tasks, &self.shared, None, work);
-        run(self.gradient_tasks(), Shared::corners_or_gradients)?;
-        run(self.shared.parts.len(), Shared::actor_gradient)?;
-        Ok(self.losses())
-    }
-
-    /// Returns the latest gradient of network number `k`.
-    pub fn full_gradient(&self, k: usize) -> FullGradient {
-        let Shared { networks, parts, touched, .. } = &*self.shared;
-        let (plan, network) = &networks[k];
-        full_gradient(network, &touched[plan.positions].read(), parts, |part| {
-            &mut part.gradients[k]
-        })
-    }
-
-    /// Returns what the tasks have computed from each part of the latest batch.
-    #[cfg(test)]
-    pub fn parts(&self) -> &[Mutex<Part<O::Buffers>>] {
-        &self.shared.parts
-    }
-
-    /// Returns the number of tasks of the first phase.
-    fn gradient_tasks(&self) -> usize {
-        O::POSITION_SETS + self.shared.parts.len()
-    }
-
     fn losses(&self) -> Losses {
         self.shared.parts.iter().map(|part| part.lock().losses).sum()
     }
 
     /// Calls `use_nets` with the current networks or their running averages; no update can run in
     /// the meantime.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    pub fn with_nets<R>(
-        &self,
-        averaged: bool,
-        use_nets: impl FnOnce(O::Nets<'_>) -> R,
-    ) -> Result<R> {
+    pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
         let locked = self.shared.lock();
-        Ok(use_nets(self.objective().nets(weights(&locked, averaged)?)))
+        Ok(use_nets(self.shapes().nets(weights(&locked, averaged)?)))
     }
 
     /// Returns a frozen copy of the networks or their running averages.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    pub fn freeze(&self, averaged: bool) -> Result<Frozen<O>> {
-        Frozen::copy(&self.shared.objective, self.networks(), averaged)
+    pub fn freeze(&self, averaged: bool) -> Result<Frozen> {
+        let weights = self.named().map(|(_, network)| network.freeze(averaged));
+        Ok(Frozen { shapes: self.shared.shapes.clone(), weights: weights.collect::<Result<_>>()? })
     }
 
-    /// Returns the actor or its running average for other programs.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
-    pub fn export_actor(&self, averaged: bool) -> Result<ActorExport> {
-        let (plan, actor) = &self.shared.networks[self.shared.actor()];
-        ActorExport::of(self.objective().encoder(), &plan.mlp, actor, averaged)
-    }
-
-    /// Returns whether the averaged networks give finite outputs on the latest batch.
-    ///
-    /// # Errors
-    /// Returns candle's error if a tensor operation fails.
+    /// Returns whether the averaged networks give finite distances and actions on the latest batch.
     pub fn is_finite(&self) -> Result<bool> {
-        let outputs = self.with_nets(true, |nets| O::outputs(&nets, &self.batch().read()))?;
-        Ok(outputs.iter().all(|output| output.is_finite()))
+        let batch = self.batch().read();
+        let mut distances = vec![0.0; batch.len()];
+        let mut actions = vec![0.0; batch.len() * self.shapes().actor.outputs];
+        self.with_nets(true, |nets| {
+            let mut scratch = Scratch::default();
+            nets.distances(&batch.states, &batch.goals, &mut distances, &mut scratch);
+            nets.actions(&batch.states, &batch.goals, &mut actions, &mut scratch);
+        })?;
+        Ok(distances.iter().chain(&actions).all(|output| output.is_finite()))
     }
 }
 
-impl<O: Objective> Shared<O> {
-    /// Returns the actor's number.
+impl Shared {
     fn actor(&self) -> usize {
         self.networks.len() - 1
     }
 
-    /// Locks all networks for reading.
+    fn gradient_tasks(&self) -> usize {
+        self.touched.len() + self.parts.len()
+    }
+
     fn lock(&self) -> Vec<LockedNetwork<'_>> {
         self.networks.iter().map(|(_, network)| network.lock()).collect()
     }
 
     /// Runs one task of an update's first phase: the first ones find the corners that the steps
     /// will touch, each other one computes gradients on its part of the batch.
-    fn corners_or_gradients(&self, task: usize) -> Result<()> {
+    fn gradients(&self, task: usize) -> Result<()> {
         let batch = self.batch.read();
-        let Some(i) = task.checked_sub(O::POSITION_SETS) else {
-            self.objective.find_corners(task, &batch, &mut self.touched[task].write());
+        let Some(i) = task.checked_sub(self.touched.len()) else {
+            find_corners(task, &self.shapes, &batch, &mut self.touched[task].write());
             return Ok(());
         };
         let locked = self.lock();
-        let (current, averaged) = (weights(&locked, false)?, weights(&locked, true)?);
-        let networks = NetworkWeights { current: &current, averaged: &averaged };
-        self.objective.gradients(&batch, i, networks, &mut self.parts[i].lock());
+        let [current, averaged] = [weights(&locked, false)?, weights(&locked, true)?]
+            .map(|weights| self.shapes.nets(weights));
+        self.shapes.gradients(&batch, i, &current, &averaged, &mut self.parts[i].lock());
         Ok(())
     }
 
     /// Computes the actor's gradient on part `i` of the batch.
     fn actor_gradient(&self, i: usize) -> Result<()> {
         let locked = self.lock();
-        let current = weights(&locked, false)?;
-        self.objective.actor_gradient(&self.batch.read(), i, &current, &mut self.parts[i].lock());
+        let nets = self.shapes.nets(weights(&locked, false)?);
+        self.shapes.actor_gradient(&self.batch.read(), i, &nets, &mut self.parts[i].lock());
         Ok(())
     }
 
     /// Steps the networks, which are independent of each other, in two tasks per network.
     fn step(&self, task: usize) -> Result<()> {
-        let (k, half) = (task / 2, Half::for_task(task));
+        let k = task / 2;
+        let half = if task.is_multiple_of(2) { Half::Table } else { Half::Dense };
         let (plan, network) = &self.networks[k];
         let touched = self.touched[plan.positions].read();
-        step_half(network, half, &touched, self.rates, &self.parts, |part| &mut part.gradients[k])
-    }
-
-    /// Steps the actor, in two tasks.
-    fn step_actor(&self, task: usize) -> Result<()> {
-        self.step(2 * self.actor() + task)
+        step_half((k, network), half, &touched, self.rates, &self.parts)
     }
 }
 
 /// Returns the current weights, or their running averages if `averaged`.
 fn weights<'a>(locked: &'a [LockedNetwork], averaged: bool) -> Result<Vec<Weights<'a>>> {
     locked.iter().map(|network| network.weights(averaged)).collect()
+}
+
+/// For checks against other implementations.
+#[cfg(test)]
+impl Training {
+    /// Computes losses, and gradients of flat parameters and table of all networks, on `batch`
+    /// without a step.
+    pub fn compute_gradients(&self, batch: &Batch) -> (Losses, Vec<[Vec<f32>; 2]>) {
+        self.batch().write().clone_from(batch);
+        let Shared { networks, parts, touched, .. } = &*self.shared;
+        for (tasks, work) in [
+            (self.shared.gradient_tasks(), Shared::gradients as Work),
+            (parts.len(), Shared::actor_gradient),
+        ] {
+            self.pool.try_run(tasks, &self.shared, None, work).expect("gradients");
+        }
+        let gradient = |(k, (plan, network)): (usize, &(NetworkPlan, Network))| {
+            let (mut dense, mut encoded) = (Vec::new(), Vec::new());
+            for part in parts {
+                let Gradient { dense: own, encoded: own_encoded } = &part.lock().gradients[k];
+                dense.resize(own.len(), 0.0);
+                dense.iter_mut().zip(own).for_each(|(sum, d): (&mut f32, _)| *sum += d);
+                encoded.push(own_encoded.clone());
+            }
+            let touched = touched[plan.positions].read();
+            let table = network.table.as_ref().map(|_| touched.table_gradient(&encoded));
+            [dense, table.unwrap_or_default()]
+        };
+        (self.losses(), networks.iter().enumerate().map(gradient).collect())
+    }
+
+    /// Returns the targets of the latest batch.
+    pub fn targets(&self) -> Vec<f32> {
+        let parts = self.shared.parts.iter();
+        parts.flat_map(|part| part.lock().buffers.targets.clone()).collect()
+    }
 }

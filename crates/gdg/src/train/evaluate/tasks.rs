@@ -21,14 +21,12 @@ pub struct Actor<'a> {
 }
 
 impl Actor<'_> {
-    /// Returns the number of steps within which the goal of `task` has to be reached.
     pub fn budget(&self, world: &dyn Environment, task: &Task) -> u32 {
         let own = || world.abilities().episodes.and_then(Episodes::episode_steps);
         self.max_steps.or_else(own).unwrap_or_else(|| task.budget())
     }
 }
 
-/// Outcomes of several tasks.
 pub struct TaskRuns {
     /// Steps per task; `None` if the goal was not reached in time.
     pub taken: Vec<Option<u32>>,
@@ -36,7 +34,6 @@ pub struct TaskRuns {
     pub env: Box<dyn Environment>,
 }
 
-/// An agent that has neither reached its goal nor used up its steps.
 struct ActiveAgent<'a> {
     index: usize,
     goal: &'a [f32],
@@ -45,34 +42,15 @@ struct ActiveAgent<'a> {
 }
 
 impl ActiveAgent<'_> {
-    /// Returns the agent's range in an array with `width` numbers per agent.
     fn row(&self, width: usize) -> Range<usize> {
         width * self.index..width * (self.index + 1)
     }
 }
 
-/// Buffers with a row for each active agent.
-#[derive(Default)]
-struct Buffers {
-    states: Vec<f32>,
-    aims: Vec<f32>,
-    chosen: Vec<f32>,
-    scratch: Scratch,
-}
-
-/// Runs all tasks, each until its goal is reached or its steps are used up.
+/// Runs all tasks, each until its goal is reached or its steps are used up. Calls `watch` with the
+/// states of all agents that walk together and the number of tasks that are over, at the start and
+/// after every step, and ends when it returns `false`.
 pub fn run_tasks(
-    world: &dyn Environment,
-    tasks: &[Task],
-    actor: &Actor,
-    rng: &mut ChaCha8Rng,
-) -> Result<TaskRuns, EnvError> {
-    run_tasks_watched(world, tasks, actor, rng, &mut |_, _| true)
-}
-
-/// Like [`run_tasks`]; calls `watch` with the states of all agents that walk together and the number
-/// of tasks that are over, at the start and after every step, and ends when it returns `false`.
-pub fn run_tasks_watched(
     world: &dyn Environment,
     tasks: &[Task],
     actor: &Actor,
@@ -94,7 +72,6 @@ pub fn run_tasks_watched(
     Ok(TaskRuns { taken, env })
 }
 
-/// Runs tasks in lockstep.
 fn run_together(
     world: &dyn Environment,
     tasks: &[Task],
@@ -104,7 +81,8 @@ fn run_together(
 ) -> Result<TaskRuns, EnvError> {
     let mut env = world.fork(tasks.len())?;
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
-    let mut buffers = Buffers::default();
+    let (mut states, mut aims, mut chosen) = (Vec::new(), Vec::new(), Vec::new());
+    let mut scratch = Scratch::default();
     for (i, task) in tasks.iter().enumerate() {
         if !env.set_full_state(i, &task.start)? {
             env.restart(i, rng)?;
@@ -114,7 +92,7 @@ fn run_together(
         index,
         goal: &task.goal,
         budget: actor.budget(world, task),
-        walker: actor.guide.plan(&task.goal, &mut buffers.scratch),
+        walker: actor.guide.plan(&task.goal, &mut scratch),
     });
     let mut active: Vec<ActiveAgent> = active.collect();
     let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
@@ -139,7 +117,22 @@ fn run_together(
             break;
         }
         match actor.hold_steps {
-            None => choose_actions(&*env, actor.guide, &mut active, &mut actions, &mut buffers),
+            None => {
+                states.clear();
+                aims.clear();
+                for agent in &mut active {
+                    let state = &env.states()[agent.row(s)];
+                    states.extend(state);
+                    let walker = agent.walker.as_mut();
+                    aims.extend(actor.guide.aim(walker, state, agent.goal, &mut scratch));
+                }
+                chosen.resize(active.len() * a, 0.0);
+                let walkers = active.iter().map(|agent| agent.walker.as_ref());
+                actor.guide.act(walkers, &states, &aims, &mut chosen, &mut scratch);
+                for (agent, action) in active.iter().zip(chosen.chunks_exact(a)) {
+                    actions[agent.row(a)].copy_from_slice(action);
+                }
+            }
             Some(hold_steps) => {
                 for agent in &active {
                     if clock == 0 || rng.random::<f32>() < 1.0 / hold_steps {
@@ -151,30 +144,4 @@ fn run_together(
         env.step(&actions, rng)?;
     }
     Ok(TaskRuns { taken, env })
-}
-
-/// Chooses the actions of the active agents by the policy and their plans. `actions` has rows
-/// for all agents, `(agents, action_dim)`.
-fn choose_actions(
-    env: &dyn Environment,
-    guide: Guide,
-    active: &mut [ActiveAgent],
-    actions: &mut [f32],
-    buffers: &mut Buffers,
-) {
-    let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
-    let Buffers { states, aims, chosen, scratch } = buffers;
-    states.clear();
-    aims.clear();
-    for agent in active.iter_mut() {
-        let state = &env.states()[agent.row(s)];
-        states.extend(state);
-        aims.extend(guide.aim(agent.walker.as_mut(), state, agent.goal, scratch));
-    }
-    chosen.resize(active.len() * a, 0.0);
-    let walkers = active.iter().map(|agent| agent.walker.as_ref());
-    guide.act(walkers, states, aims, chosen, scratch);
-    for (agent, action) in active.iter().zip(chosen.chunks_exact(a)) {
-        actions[agent.row(a)].copy_from_slice(action);
-    }
 }

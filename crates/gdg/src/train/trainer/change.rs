@@ -3,16 +3,15 @@
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::recovery::LastGood;
+use super::persistence::LastGood;
 use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_rollout};
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
 use crate::job::Job;
-use crate::learn::Replay;
+use crate::learn::{Replay, ReplaySizes};
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::config::list_settings;
-use crate::train::history::UsedMethod;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::{SETTINGS, Settings};
@@ -26,19 +25,14 @@ const EDIT_STAGES: usize = 5;
 /// Parts of a change of settings: the learner, the agents with their candidates, the graph.
 const CHANGE_STAGES: usize = 3;
 
-/// How often to say how far the candidates are, in transitions.
 const TOLD_EVERY: usize = 1000;
 
-/// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorldChange {
-    /// Short description of the change.
     #[serde(skip)]
     pub summary: String,
-    /// Warning for the user, if any.
     #[serde(skip)]
     pub warning: Option<String>,
-    /// Figures about the change, by name.
     #[serde(flatten)]
     pub facts: Map<String, Value>,
     /// Transitions removed from the replay buffer because they are no longer possible.
@@ -47,12 +41,10 @@ pub struct WorldChange {
     pub transitions_restored: usize,
 }
 
-/// What was kept when a run's settings changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeptState {
     /// Whether the networks were kept; otherwise they are fresh.
     pub networks: bool,
-    /// Whether the agents' states, goals and episodes were kept; otherwise they were restarted.
     pub agents: bool,
 }
 
@@ -60,9 +52,7 @@ impl Trainer {
     /// Continues with the same networks in `world`, an edited version. Removes transitions that are
     /// no longer possible from the replay buffer, rebuilds bridge candidates and edges from the
     /// rest, and moves agents out of invalid positions.
-    ///
-    /// # Errors
-    /// `world` cannot replace the run's world; nothing has changed then.
+    /// Where it fails, nothing has changed.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         self.check_data()?;
         let progress = self.job.part("applying the edit");
@@ -75,7 +65,7 @@ impl Trainer {
         self.visits.enter(self.rollout.env());
         let edited = self.rollout.env().abilities().editable;
         let (spec, region, leaps) =
-            (self.rollout.env().spec(), &change.region, self.rollout.leaps());
+            (self.rollout.env().spec(), &change.region, &self.rollout.leaps);
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
             edited.is_none_or(|e| e.is_possible(s, a, next)) && leaps.is_sure(spec, s, next)
         };
@@ -106,9 +96,7 @@ impl Trainer {
 
     /// Continues with other settings, method or preset. Keeps the replay buffer and all counters,
     /// and networks, agents and bridge graph where they fit.
-    ///
-    /// # Errors
-    /// The learner or the world fails; nothing has changed then.
+    /// Where it fails, nothing has changed.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         self.check_data()?;
         let progress = self.job.part("changing settings");
@@ -126,7 +114,9 @@ impl Trainer {
             }
         }
         let last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*learner)?;
-        let agents = keeps_agents(&self.run.settings, &run.settings);
+        let kept = |s: &Settings| (s.train.restart, s.train.goals);
+        let agents = keeps_replay(&self.run.settings, &run.settings)
+            && kept(&self.run.settings) == kept(&run.settings);
         let fresh_agents = if agents { None } else { Some(new_rollout(&run, self.world())?) };
         let used_before = self.used_method();
         let before = std::mem::replace(&mut self.run, run);
@@ -139,7 +129,20 @@ impl Trainer {
         self.counters.recoveries = 0;
         self.paced_from = None;
         progress.begin(1, CHANGE_STAGES);
-        self.fit_agents(&before, fresh_agents, &progress);
+        match fresh_agents {
+            None => self.rollout.env.configure(&self.run.settings.train.env()),
+            Some(rollout) => self.replace_agents(rollout, &before.settings),
+        }
+        // All that makes candidates.
+        let read = |run: &Run| {
+            let s = run.bridge();
+            (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges)
+        };
+        if !agents || read(&self.run) != read(&before) {
+            self.rebuild_candidates(&progress);
+        } else {
+            self.candidates.settings = self.run.bridge();
+        }
         progress.begin(2, CHANGE_STAGES);
         let same_graph = self.run.bridge() == before.bridge()
             && self.run.method.planner == before.method.planner;
@@ -150,37 +153,26 @@ impl Trainer {
         Ok(KeptState { networks, agents })
     }
 
-    fn used_method(&self) -> UsedMethod {
-        UsedMethod { name: self.run.method.name(), learns: self.learns() }
+    fn used_method(&self) -> (String, bool) {
+        (self.run.method.name(), self.learns())
     }
 
-    /// Adapts world, agents, replay buffer and candidates to settings changed from `before`;
-    /// replaces the agents by `fresh` ones, if there are any.
-    fn fit_agents(&mut self, before: &Run, fresh: Option<Rollout>, progress: &Job) {
-        let are_fresh = fresh.is_some();
-        match fresh {
-            None => self.rollout.env_mut().configure(&self.run.settings.train.env()),
-            Some(rollout) => self.replace_agents(rollout, &before.settings),
-        }
-        if are_fresh || !self.run.bridge().makes_same_candidates(&before.bridge()) {
-            self.rebuild_candidates(progress);
-        }
-    }
-
-    /// Replaces the agents; keeps the replay buffer, reshaped if necessary.
     fn replace_agents(&mut self, rollout: Rollout, before: &Settings) {
         self.rollout.end_episodes(&mut self.replay);
         if !keeps_replay(before, &self.run.settings) {
-            let mut replay = self.replay_for_agents();
+            // As the settings have it, with room for all that there is.
+            let kept = if self.data.is_some() { self.replay.capacity() } else { 0 };
+            let Settings { train, learn, .. } = &self.run.settings;
+            let room = learn.buffer_size.max(kept);
+            let mut replay = Replay::new(ReplaySizes::of(self.spec()), train.agents, room);
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
             self.own_replay();
         }
         let before = std::mem::replace(&mut self.rollout, rollout);
-        self.rollout.excursions_mut().keep_places(before.into_excursions());
+        self.rollout.excursions.places = before.excursions.places;
     }
 
-    /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
     pub(super) fn rebuild_candidates(&mut self, progress: &Job) {
         self.candidates.reset_to(new_candidates(&self.run, self.spec()));
         self.revisit_everything(progress);
@@ -188,7 +180,6 @@ impl Trainer {
         self.candidates.adapt_spacing();
     }
 
-    /// Lets the candidates visit again all that the replay buffer has seen.
     pub(super) fn revisit_everything(&mut self, progress: &Job) {
         let everything = Region::everything(self.spec().goal_dim());
         let Self { candidates, replay, rollout, .. } = self;
@@ -239,16 +230,8 @@ fn revisit(
     (0..replay.agents()).for_each(|agent| candidates.end_episode(agent));
 }
 
-/// Whether the replay buffer can be kept as it is after a change of settings.
 fn keeps_replay(before: &Settings, now: &Settings) -> bool {
     now.train.agents == before.train.agents && now.learn.buffer_size == before.learn.buffer_size
-}
-
-/// Whether the agents can be kept after a change of settings.
-fn keeps_agents(before: &Settings, now: &Settings) -> bool {
-    keeps_replay(before, now)
-        && now.train.restart == before.train.restart
-        && now.train.goals == before.train.goals
 }
 
 /// Returns whether a change from one run to another gives up what the networks have learned.

@@ -1,40 +1,30 @@
 //! Learning from recorded transitions instead of acting.
 
-use std::sync::Arc;
-
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
-use crate::files::FileFacts;
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::{Store, StoreError};
+use crate::train::DataError;
 use crate::train::dataset::{DataSource, Dataset};
-use crate::train::error::{DataError, TrainError};
 use crate::train::memory;
 
-/// Names in the store.
 const DATA: &str = "data";
 const REPLAY: &str = "replay";
 
-/// The data of a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Data {
     source: DataSource,
-    /// Whether agents act as well.
     acts: bool,
     /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
     own_replay: Option<usize>,
-    /// What the file was like when it was read.
-    #[serde(skip)]
-    facts: Option<FileFacts>,
     /// Why no file can be read again.
     #[serde(skip)]
-    missing: Option<Arc<DataError>>,
+    missing: Option<DataError>,
 }
 
-/// Numbers of recorded transitions that are not learned from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeftOut {
     /// Those that are impossible in the world, if it knows that.
@@ -63,8 +53,7 @@ impl Trainer {
         self.revisit_everything(&Job::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
-        let facts = data.facts();
-        self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
+        self.data = Some(Data { source, acts: false, own_replay, missing: None });
         LeftOut { impossible, by_chance }
     }
 
@@ -72,7 +61,7 @@ impl Trainer {
     fn leave_out_leaps(&mut self) -> usize {
         let spec = self.rollout.env().spec().clone();
         let mut before: Option<Vec<f32>> = None;
-        let leaps = self.rollout.leaps_mut();
+        let leaps = &mut self.rollout.leaps;
         self.replay.visit_rows(|state, _, is_last| {
             if let Some(from) = &before {
                 leaps.note(&spec, from, state);
@@ -86,7 +75,6 @@ impl Trainer {
         self.replay.retain_possible(|s, _, next| (!is_sure(s, next)).then_some(false)).0
     }
 
-    /// Returns the replay buffer that holds `data`; goals are states of it, drawn at random.
     fn replay_of(&self, data: &Dataset) -> Replay {
         let (spec, mut rng) = (self.spec(), stream(self.run.seed, Stream::Data));
         let (editable, idle) = (self.world().abilities().editable, vec![0.0; spec.action_dim]);
@@ -102,7 +90,6 @@ impl Trainer {
         })
     }
 
-    /// Returns the data that the run learns from, if it does.
     pub fn data(&self) -> Option<&DataSource> {
         self.data.as_ref().map(|data| &data.source)
     }
@@ -112,21 +99,17 @@ impl Trainer {
         self.data.as_ref().is_none_or(|data| data.acts)
     }
 
-    /// Checks that the data of a resumed run are there.
-    ///
-    /// # Errors
-    /// They are not.
     pub fn check_data(&self) -> Result<()> {
         let Some(data) = self.data.as_ref().filter(|data| !data.acts) else { return Ok(()) };
         if let Some(error) = &data.missing {
-            return Err(TrainError::Data(error.clone()));
+            return Err(error.clone().into());
         }
         if self.replay.has_transitions() {
             return Ok(());
         }
         let file = data.source.file.to_string_lossy().into_owned();
         let problem = "no transition is left that the world allows".to_owned();
-        Err(DataError::Unfit { file, problem }.into())
+        Err(DataError { file, problem }.into())
     }
 
     /// Returns whether a checkpoint reads its transitions from the file.
@@ -150,42 +133,15 @@ impl Trainer {
         }
     }
 
-    /// Returns an empty replay buffer as the settings have it, with room for all that there is.
-    pub(super) fn replay_for_agents(&self) -> Replay {
-        let (settings, sizes) = (&self.run.settings, ReplaySizes::of(self.spec()));
-        let kept = if self.data.is_some() { self.replay.capacity() } else { 0 };
-        Replay::new(sizes, settings.train.agents, settings.learn.buffer_size.max(kept))
-    }
-
-    /// Takes note that the replay buffer is no longer what the file has.
     pub(super) fn own_replay(&mut self) {
         if let Some(data) = &mut self.data {
             data.own_replay = Some(self.replay.capacity());
         }
     }
 
-    /// Says what has become of the file that checkpoints would read their transitions from, if it
-    /// is no longer there: they contain the transitions then.
-    fn lost_data(&self) -> Option<String> {
-        let Data { source, facts, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
-        let loss = source.loss((*facts)?)?;
-        let file = source.file.display();
-        Some(format!("warning: {file} {loss}: checkpoints contain the data from now on"))
-    }
-
-    /// Returns what to tell the user of when a checkpoint is saved: what the world warns of, once,
-    /// and that recorded data are lost.
-    pub fn take_warnings(&self) -> Vec<String> {
-        self.world().take_warnings().into_iter().chain(self.lost_data()).collect()
-    }
-
-    /// Writes the replay buffer, or which file fills it.
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
-        let has_file = self.reads_data() && self.lost_data().is_none();
-        let room = (!has_file).then(|| self.replay.capacity());
-        let data = self.data.clone();
-        store.put(DATA, &data.map(|data| Data { own_replay: data.own_replay.or(room), ..data }))?;
-        if !has_file {
+        store.put(DATA, &self.data)?;
+        if !self.reads_data() {
             store.put(REPLAY, &self.replay.stored())?;
         }
         Ok(())
@@ -202,9 +158,8 @@ impl Trainer {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
                         data.source = read.source().clone();
-                        data.facts = read.facts();
                     }
-                    Err(error) => data.missing = Some(Arc::new(error)),
+                    Err(error) => data.missing = Some(error),
                 }
             }
             other => {

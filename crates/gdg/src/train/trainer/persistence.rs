@@ -1,49 +1,177 @@
-//! What a checkpoint keeps of a run.
+//! What is kept of a run: in a checkpoint, and to recover from non-finite numbers or from a panic in the
+//! middle of a tick.
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::recovery::LastGood;
-use super::{Result, Trainer};
+use super::graphs::Graphs;
+use super::{Result, Trainer, new_learner};
 use crate::job::Job;
-use crate::learn::Threads;
+use crate::learn::{Learner, Losses, Threads};
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
-use crate::train::error::TrainError;
-use crate::train::film::Film;
-use crate::train::graphs::Graphs;
+use crate::train::TrainError;
 use crate::train::history::History;
 use crate::train::memory;
 use crate::train::registry::Registry;
 use crate::train::run::Run;
 use crate::train::score::Success;
 use crate::train::settings::OutOfRange;
-use crate::train::visits::Visits;
 
-/// A saved run.
+/// Updates between checks of all weights; networks that pass are kept for rollback.
+pub(crate) const KEEP_EVERY_UPDATES: u64 = 2_000;
+
+pub(crate) const MAX_RECOVERIES: u32 = 3;
+
+pub(crate) const LEARNING_RATE_FACTOR: f32 = 0.5;
+
+pub(super) struct LastGood {
+    updates: u64,
+    losses: [f64; 3],
+    learner: Store,
+}
+
+/// A rollback to earlier networks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Recovery {
+    /// The update after which numbers were not finite.
+    pub updates: u64,
+    /// The update whose networks were restored.
+    pub back_to: u64,
+    /// Number of rollbacks so far.
+    pub times: u32,
+    /// The learning rate after the rollback.
+    pub learning_rate: f32,
+}
+
+impl std::fmt::Display for Recovery {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let Self { updates, back_to, times, learning_rate } = self;
+        write!(
+            f,
+            "training diverged at update {updates}: rolled back to update {back_to} with half the \
+             learning rate, {learning_rate} ({times} of {MAX_RECOVERIES})"
+        )
+    }
+}
+
+impl LastGood {
+    pub fn capture(updates: u64, losses: [f64; 3], learner: &dyn Learner) -> Result<Self> {
+        let mut store = Store::default();
+        learner.save(&mut store)?;
+        Ok(Self { updates, losses, learner: store })
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.learner.is_finite()
+    }
+}
+
+impl Trainer {
+    pub fn take_recovery(&mut self) -> Option<Recovery> {
+        self.recovery.take()
+    }
+
+    /// Rolls back to good networks if an update's losses, or the weights after it, are not finite.
+    /// Fails where no rollbacks are left; the networks are good even then.
+    pub(super) fn check_update(&mut self, losses: &Losses) -> Result<()> {
+        let finite =
+            [losses.critic, losses.model, losses.actor].iter().all(|loss| loss.is_finite());
+        if !finite || crate::faults::point("loss") {
+            return self.roll_back();
+        }
+        if self.counters.updates.is_multiple_of(KEEP_EVERY_UPDATES) {
+            let good = self.networks()?;
+            if !good.is_finite() || !self.learner.is_finite()? {
+                return self.roll_back();
+            }
+            self.last_good = good;
+        }
+        Ok(())
+    }
+
+    /// Ensures before saving that the networks are finite, rolling back if necessary.
+    /// Fails where no rollbacks are left; the networks are good even then.
+    pub fn ensure_finite(&mut self) -> Result<()> {
+        if self.is_finite()? { Ok(()) } else { self.roll_back() }
+    }
+
+    pub fn is_finite(&self) -> Result<bool> {
+        Ok(self.networks()?.is_finite())
+    }
+
+    pub(super) fn networks(&self) -> Result<LastGood> {
+        LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)
+    }
+
+    /// Rolls back to the last good networks with smaller learning rates; keeps replay buffer and
+    /// agents.
+    pub(super) fn roll_back(&mut self) -> Result<()> {
+        let gives_up = self.counters.recoveries >= MAX_RECOVERIES;
+        let learn = &mut self.run.settings.learn;
+        if !gives_up {
+            self.counters.recoveries += 1;
+            learn.learning_rate *= LEARNING_RATE_FACTOR;
+            learn.grid_learning_rate *= LEARNING_RATE_FACTOR;
+        }
+        let (updates, back_to) = (self.counters.updates, self.last_good.updates);
+        let (times, learning_rate) = (self.counters.recoveries, learn.learning_rate);
+        self.restore_last_good()?;
+        if gives_up {
+            return Err(TrainError::Other(format!(
+                "training diverged again at update {updates} after {times} rollbacks: set a smaller \
+                 learning_rate (now {learning_rate}); the networks of update {back_to} are restored \
+                 and can be saved"
+            )));
+        }
+        let recovery = Recovery { updates, back_to, times, learning_rate };
+        self.replace_graph()?;
+        log::warn!("{recovery}");
+        self.recovery = Some(recovery);
+        Ok(())
+    }
+
+    fn restore_last_good(&mut self) -> Result<()> {
+        let mut learner = new_learner(&self.run, self.spec(), &self.registry, self.threads)?;
+        learner.load(&self.last_good.learner)?;
+        self.learner = learner;
+        self.counters.losses = self.last_good.losses;
+        // Graphs and plans may come from networks that had already diverged.
+        self.graphs = Graphs::default();
+        self.rollout.discard_plans();
+        Ok(())
+    }
+
+    /// Repairs what a panic in the middle of a tick may have left half done, so that the run can be
+    /// saved.
+    pub fn repair_after_panic(&mut self) -> Result<()> {
+        if std::mem::take(&mut self.in_update) {
+            return self.restore_last_good();
+        }
+        // Saving repeats a pending graph build: one that panicked would panic again.
+        self.graphs = Graphs::default();
+        self.rollout.discard_plans();
+        Ok(())
+    }
+}
+
 #[derive(Clone, Debug)]
 pub struct Saved {
-    /// What lists of checkpoints show.
     pub about: About,
-    /// What curves are drawn from.
     pub history: History,
-    /// The rest.
     pub state: Store,
 }
 
 /// What lists of checkpoints show of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct About {
-    /// Kind of its world.
     pub world: String,
     /// Title of its world: the map's name.
     pub title: String,
     /// What tells its world apart from others of its title.
     pub fingerprint: Option<String>,
-    /// Method, preset, seed and settings.
     pub run: Run,
-    /// Updates done by a learner.
     pub updates: u64,
     /// Latest evaluation result, if the run was evaluated before saving.
     pub success: Option<Success>,
@@ -51,14 +179,12 @@ pub struct About {
 
 impl Trainer {
     /// Returns everything needed to resume the run exactly where it stopped.
-    ///
-    /// # Errors
-    /// The learner fails, or numbers are not finite.
     pub fn save(&self) -> Result<Saved> {
         let mut state = Store::default();
         self.learner.save(&mut state)?;
         if !state.is_finite() {
-            return Err(TrainError::NotFinite);
+            let problem = "the networks contain non-finite values";
+            return Err(TrainError::Other(problem.to_owned()));
         }
         if let Some(recorded) = self.world().abilities().recorded {
             recorded.save(&mut state);
@@ -68,7 +194,7 @@ impl Trainer {
         state.put("candidates", &self.candidates)?;
         state.put("graphs", &self.graphs.stored())?;
         state.put("visits", &self.visits)?;
-        state.put("film", &self.film.stored())?;
+        state.put("film", &self.film)?;
         state.put("counters", &self.counters)?;
         state.put("seconds", &self.seconds)?;
         state.put("batch_rng", &self.batch_rng)?;
@@ -85,9 +211,6 @@ impl Trainer {
 
     /// Restores the run that [`Self::save`] saved, and says how far it is, as one stage of
     /// `progress`.
-    ///
-    /// # Errors
-    /// The state is incomplete or inconsistent, or the run does not fit into memory.
     pub fn load(
         saved: Saved,
         registry: &Arc<Registry>,
@@ -107,28 +230,21 @@ impl Trainer {
         trainer.counters = state.get("counters")?;
         trainer.counters.check()?;
         trainer.seconds = state.get("seconds")?;
-        if !(0.0..1e12).contains(&trainer.seconds) {
-            return Err(StoreError::inconsistent("the stored training time is out of range").into());
-        }
+        let is_time = (0.0..1e12).contains(&trainer.seconds);
+        StoreError::unless(is_time, "the stored training time is out of range")?;
         trainer.learner.load(&state)?;
-        trainer.last_good = LastGood::capture(
-            trainer.counters.updates,
-            trainer.counters.losses,
-            &*trainer.learner,
-        )?;
-        if !trainer.last_good.is_finite() {
-            let problem = "its networks contain non-finite values: the run had diverged";
-            return Err(StoreError::inconsistent(problem).into());
-        }
+        trainer.last_good = trainer.networks()?;
+        let diverged = "its networks contain non-finite values: the run had diverged";
+        StoreError::unless(trainer.last_good.is_finite(), diverged)?;
         trainer.load_replay(&state, progress)?;
         trainer.candidates.restore(state.get("candidates")?)?;
-        let (bridge, stored) = (trainer.run.bridge(), state.get("graphs")?);
-        trainer.graphs =
-            Graphs::restored(trainer.spec(), &bridge, stored, |at| trainer.graph_rng(at))?;
-        let graph = trainer.graphs.current().map(|built| &*built.graph);
+        trainer.restore_graphs(state.get("graphs")?)?;
+        let graph = trainer.graphs.current.as_ref().map(|built| &*built.graph);
         trainer.rollout.load(&state, graph, &mut trainer.replay, &mut trainer.candidates)?;
-        trainer.visits = state.get::<Visits>("visits")?.fitting(trainer.world())?;
-        trainer.film = Film::restored(state.get("film")?, trainer.spec())?;
+        trainer.visits = state.get("visits")?;
+        trainer.visits.check(trainer.world())?;
+        trainer.film = state.get("film")?;
+        trainer.film.check(trainer.spec())?;
         trainer.batch_rng = state.get("batch_rng")?;
         Ok(trainer)
     }

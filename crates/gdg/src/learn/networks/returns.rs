@@ -1,7 +1,35 @@
-//! Rewards, the range of their discounted sum, and what that sum means in steps.
+//! Rewards, the range of their discounted sum and what that sum means in steps; and distances in a
+//! straight line.
 
 use crate::env::Spec;
-use crate::learn::update::straight::typical_step;
+
+/// Returns the length of a typical step: the mean change scale of the state components that form
+/// the achieved goal.
+pub fn typical_step(spec: &Spec) -> f32 {
+    let steps = spec.achieved.iter().map(|i| spec.change_scale[*i]).filter(|scale| *scale > 0.0);
+    let (sum, count) = steps.fold((0.0, 0.0), |(sum, count), scale| (sum + scale, count + 1.0));
+    if count > 0.0 { sum / count } else { 1.0 }
+}
+
+/// Returns the given distance of the paper's section 4.1, D(s, g) = |s - g|, from the achieved goal
+/// to the goal in typical steps of length `step`, and writes its gradient with respect to `state`:
+/// 1 / step towards the state, and 0 at the goal, where D has none.
+pub fn straight_gradient(
+    spec: &Spec,
+    step: f32,
+    state: &[f32],
+    goal: &[f32],
+    d_state: &mut [f32],
+) -> f32 {
+    d_state.fill(0.0);
+    let length = spec.goal_distance(state, goal);
+    if length > 0.0 {
+        for (i, goal) in spec.achieved.iter().zip(goal) {
+            d_state[*i] += (state[*i] - goal) / (length * step);
+        }
+    }
+    length / step
+}
 
 /// What a step earns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,18 +48,16 @@ pub struct Returns {
     pub discount: f32,
     /// Least possible sum.
     pub lowest: f32,
-    /// Length of a typical step.
     step_length: f32,
 }
 
 /// Smallest 1 + Q (1 - gamma) that is not rounded to 0: D does not grow beyond it.
-pub const MIN_REMAINING: f32 = 1e-6;
+const MIN_REMAINING: f32 = 1e-6;
 
 /// Newton steps to convert the sum of distances: enough for f32 over the whole range.
 const NEWTON_STEPS: usize = 24;
 
 impl Returns {
-    /// Returns the sums of `reward` with a discount, in an environment of `spec`.
     pub fn new(reward: Reward, discount: f32, spec: &Spec) -> Self {
         let step_length = typical_step(spec);
         let sides = spec.achieved.iter().map(|i| 2.0 * spec.state_half_range[*i]);
@@ -103,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_and_returns_of_a_straight_walk_are_inverse() {
+    fn steps_and_returns_of_a_straight_walk_are_inverse_and_any_value_gives_finite_steps() {
         for discount in [0.0, 0.9, 0.98, 0.99] {
             let [distance, sparse] = [Reward::Distance, Reward::Sparse]
                 .map(|reward| Returns::new(reward, discount, &spec()));
@@ -115,24 +141,13 @@ mod tests {
                 let q = (0..steps).fold(0.0, |q, _| sparse.target(-1.0, false, q));
                 assert!(discount == 0.0 || near(sparse.steps(q)), "{steps}: {}", sparse.steps(q));
             }
-        }
-    }
-
-    #[test]
-    fn steps_of_any_value_are_finite_and_not_negative() {
-        for (reward, discount) in
-            [Reward::Sparse, Reward::Distance].into_iter().flat_map(|r| [(r, 0.0), (r, 0.99)])
-        {
-            let returns = Returns::new(reward, discount, &spec());
-            let values =
-                [returns.lowest * 2.0, returns.lowest, -3.0, -0.0, 0.0, 7.0, f32::MAX, f32::MIN];
-            for q in values {
-                let steps = returns.steps(q);
-                assert!(steps.is_finite() && steps >= 0.0, "{reward:?} {q}: {steps}");
+            for returns in [distance, sparse] {
+                for q in [returns.lowest * 2.0, returns.lowest, -3.0, -0.0, 7.0, f32::MAX, f32::MIN]
+                {
+                    let steps = returns.steps(q);
+                    assert!(steps.is_finite() && steps >= 0.0, "{returns:?} {q}: {steps}");
+                }
             }
-            // Without later rewards, sparse ones tell nothing.
-            let told_apart = discount > 0.0 || reward == Reward::Distance;
-            assert_eq!(returns.steps(-20.0) < returns.steps(-30.0), told_apart);
         }
     }
 
@@ -148,5 +163,24 @@ mod tests {
         let distance = Returns::new(Reward::Distance, 0.98, &spec());
         assert!((distance.lowest + 25.0 * 50.0).abs() < 1e-2);
         assert_eq!(distance.reward(&spec(), &[3.0, 4.0], &[0.0, 0.0]), -2.5);
+    }
+
+    #[test]
+    fn straight_distances_and_their_gradients_are_in_typical_steps_and_finite_at_the_goal() {
+        let spec = Spec {
+            change_scale: vec![7.0, 1.0, 0.0, 3.0],
+            achieved: vec![3, 1],
+            ..positions(&[(0.0, 9.0); 4])
+        };
+        let of = |state: [f32; 4], goal: [f32; 2]| {
+            let mut d = [9.0; 4];
+            (straight_gradient(&spec, typical_step(&spec), &state, &goal, &mut d), d)
+        };
+        assert_eq!(of([5.0, 4.0, 8.0, 3.0], [0.0; 2]), (2.5, [0.0, 0.4, 0.0, 0.3]));
+        for off in [0.0, f32::MIN_POSITIVE, 1e-30, 1e-20, 1e-6] {
+            let (distance, d) = of([1.0, off, 1.0, 2.0], [2.0, 0.0]);
+            let slope = d.iter().map(|d| d * d).sum::<f32>().sqrt();
+            assert!(distance >= 0.0 && slope <= 0.5001, "{off}: {distance}, {d:?}");
+        }
     }
 }

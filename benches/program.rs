@@ -1,0 +1,295 @@
+//! The speed of this machine, as ratios of side-by-side runs: `cargo bench --bench program`, with
+//! `-- --only PART` for a part alone.
+//!
+//! What is compared takes turns within one process, so that a drifting machine speed affects all
+//! alike; tables show medians of many turns.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::{Parser, ValueEnum};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use gdg::engine::{Command, Engine, Phase};
+use gdg::env::{Environment, PointMaze};
+use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, Stage};
+use gdg::map::{Grid, builtin};
+use gdg::text::counted;
+use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg_tui::host::setup::parallel_jobs;
+use gdg_tui::tui::{MeasuredInterface, MeasuredScreen};
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Maps on which whole runs of the default preset are measured.
+const MAPS: [&str; 2] = ["fourrooms", "city"];
+
+/// Batch and width of the updates of the published algorithm.
+const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
+
+/// Updates in a turn: of a learner alone, and in training.
+const UPDATES: usize = 20;
+const TRAINED_UPDATES: u64 = 500;
+
+/// Updates after which the checkpoint is saved.
+const SAVED_AFTER: u64 = 6_000;
+
+/// Columns and rows of the screen, and side of the map in cells, when the interface is measured; a
+/// turn is longer than the two seconds for which the grounds of pictures may rest.
+const SCREEN: (u16, u16) = (200, 60);
+const SIDE: usize = 256;
+const WATCHED: Duration = Duration::from_secs(3);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// One update of critic, model and actor
+    Updates,
+    /// Updates per second on built-in maps
+    Training,
+    /// What the interface costs
+    Interface,
+    /// What a checkpoint consists of
+    Checkpoint,
+}
+
+/// Measures the speed of learning on this machine, and what the interface costs.
+#[derive(Parser)]
+struct Args {
+    /// Measure this part alone; may be given more than once [default: all]
+    #[arg(long, value_name = "PART")]
+    only: Vec<Part>,
+    /// Threads to compare with a single one [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
+    /// Repetitions of each comparison; the median is reported
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    runs: u16,
+    /// Given by cargo
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let (threads, runs) = (parallel_jobs(args.threads), args.runs.into());
+    for part in Part::value_variants() {
+        if !args.only.is_empty() && !args.only.contains(part) {
+            continue;
+        }
+        let table = match part {
+            Part::Updates => updates(threads, runs),
+            Part::Training => MAPS.iter().map(|map| training(map, threads, runs)).collect(),
+            Part::Interface => interface(threads, runs),
+            Part::Checkpoint => checkpoint(threads),
+        };
+        println!("{}", table?);
+    }
+    Ok(())
+}
+
+/// One update: of the published algorithm at each shape on a map of 100 x 100 cells, and of the
+/// default preset on one of 32 x 32.
+fn updates(threads: usize, runs: usize) -> Result<String> {
+    let mut out = format!("{:<16}{:>13}{:>13}{:>8}\n", "one update", on(1), on(threads), "ratio");
+    let published = SHAPES.map(|(rows, width)| {
+        let paper = LearnSettings::of(Preset::Paper);
+        let settings = LearnSettings { batch_size: rows, hidden: width, ..paper };
+        (format!("{rows} x {width}"), 100, settings)
+    });
+    let default = ("default preset".to_owned(), 32, LearnSettings::default());
+    for (name, side, settings) in published.into_iter().chain([default]) {
+        let map = Grid::new("open", side, vec![true; side * side], Vec::new(), Vec::new());
+        let world = PointMaze::new(map.into(), 1);
+        let learner =
+            |threads| NetworkLearner::new(GDG, world.spec(), &settings, threads, &mut rng());
+        let greedy_targets = side == 32;
+        let batch = Batch { greedy_targets, ..batch(settings.batch_size, side as f32) };
+        let mut profile = Profile::default();
+        let times = in_turns(runs, &mut [learner(1)?, learner(threads)?], |learner| {
+            let began = Instant::now();
+            for _ in 0..UPDATES {
+                learner.update_on(&batch, None, &mut profile)?;
+            }
+            Ok(1e6 * began.elapsed().as_secs_f64() / UPDATES as f64)
+        })?;
+        let ratio = median(times[0].iter().zip(&times[1]).map(|(one, all)| one / all).collect());
+        let [one, all] = times.map(median);
+        out += &format!("{name:<16}{one:>10.1} us{all:>10.1} us{ratio:>8.2}\n");
+    }
+    Ok(out)
+}
+
+/// Training on a built-in map, and where its time goes.
+fn training(map: &str, threads: usize, runs: usize) -> Result<String> {
+    let grid = built_in(map);
+    let mut trainers = [trainer(&grid, 1)?, trainer(&grid, threads)?];
+    let rates = in_turns(runs, &mut trainers, |trainer| {
+        let (seconds, mut updates) = (trainer.seconds(), 0);
+        while updates < TRAINED_UPDATES {
+            updates += u64::from(trainer.tick()? == Tick::Update);
+        }
+        Ok(TRAINED_UPDATES as f64 / (trainer.seconds() - seconds))
+    })?;
+    let ([one, all], on_all) = (rates.map(median), on(threads));
+    let mut out = format!("{map}: {one:.0} updates/s on one thread, {all:.0} on {on_all}\n");
+    for stage in Stage::ALL {
+        let [one, all] = trainers.each_ref().map(|trainer| {
+            let spent = trainer.profile().spent(stage).as_secs_f64();
+            spent * 1e6 / trainer.counters().updates as f64
+        });
+        out += &format!("  {:<36}{one:>8.1} us{all:>8.1} us\n", stage.name());
+    }
+    Ok(out)
+}
+
+/// Training on a large map of rooms, watched on each kind of screen and alone.
+fn interface(threads: usize, runs: usize) -> Result<String> {
+    let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
+    let free = (0..SIDE * SIDE).map(|i| !wall(i % SIDE, i / SIDE)).collect();
+    let map = Arc::new(Grid::new("rooms", SIDE, free, Vec::new(), Vec::new()));
+    // It evaluates in the background, as it does behind the interface.
+    let alone = Engine::start(trainer(&map, threads)?, Limits::default())?;
+    let reach = |command, phase| {
+        let snapshots = alone.snapshots();
+        alone.send(command);
+        while snapshots.borrow().phase != phase {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        snapshots.borrow().counters.updates
+    };
+    reach(Command::Pause, Phase::Paused);
+    let open = |screen| {
+        Ok::<_, Box<dyn Error>>(MeasuredInterface::open(trainer(&map, threads)?, SCREEN, screen)?)
+    };
+    let mut screens = MeasuredScreen::ALL.map(open).into_iter().collect::<Result<Vec<_>>>()?;
+    let mut rates = Vec::new();
+    let mut measured = vec![(Vec::new(), Vec::new()); screens.len()];
+    for turn in 0..=runs {
+        let (before, began) = (reach(Command::Resume, Phase::Running), Instant::now());
+        std::thread::sleep(WATCHED);
+        let seconds = began.elapsed().as_secs_f64();
+        let rate = (reach(Command::Pause, Phase::Paused) - before) as f64 / seconds;
+        for (screen, (ratios, frames)) in screens.iter_mut().zip(&mut measured) {
+            let found = screen.measure(WATCHED)?;
+            // The first turn is a warm-up.
+            if turn > 0 {
+                ratios.push(found.updates_per_second / rate);
+                frames.extend(found.frames_us);
+            }
+        }
+        rates.extend((turn > 0).then_some(rate));
+    }
+    let (alone, on) = (median(rates), on(threads));
+    let mut out = format!("{SIDE} x {SIDE} cells: {alone:.0} updates/s on {on}; at 200 x 60:\n");
+    for (screen, (ratios, frames)) in MeasuredScreen::ALL.into_iter().zip(measured) {
+        let (name, ratio) = (screen.name, median(ratios));
+        let [frame, slow] = [0.5, 0.95].map(|share| quantile(frames.clone(), share) / 1e3);
+        out += &format!("  {name:<16}{ratio:.2} of that; a frame {frame:.1} ms");
+        out += &format!(", 95th percentile {slow:.1} ms\n");
+    }
+    Ok(out)
+}
+
+/// What a checkpoint of the four rooms consists of, and how long saving and loading take.
+fn checkpoint(threads: usize) -> Result<String> {
+    let mut trainer = trainer(&built_in(MAPS[0]), threads)?;
+    while trainer.counters().updates < SAVED_AFTER {
+        trainer.tick()?;
+    }
+    let folder = tempfile::tempdir()?;
+    let to = SaveTo::CreateNew(folder.path().join("run.safetensors"));
+    let bytes = std::fs::read(train::save(&trainer, &to)?)?;
+    let began = Instant::now();
+    let again = train::from_bytes(&bytes, &Registry::builtin(), threads)?;
+    let loaded = began.elapsed();
+    // The first save may have waited for a bridge graph.
+    let began = Instant::now();
+    train::save(&again, &to)?;
+    let [save, load] = [began.elapsed(), loaded].map(|took| 1e3 * took.as_secs_f64());
+    let mut sizes = BTreeMap::from([("packed".to_owned(), bytes.len())]);
+    for (name, part) in train::read_saved(&bytes)?.state.parts() {
+        let part_of = name.split('.').next().unwrap_or_default().to_owned();
+        *sizes.entry(part_of).or_insert(0) += part.len();
+    }
+    let mut out = format!("{}: checkpoint after {SAVED_AFTER} updates, ", MAPS[0]);
+    out += &format!("saved in {save:.0} ms, loaded in {load:.0} ms\n");
+    for (part, size) in sizes {
+        out += &format!("  {part:<36}{:>8.2} MB\n", size as f64 / 1e6);
+    }
+    Ok(out)
+}
+
+/// Random pairs and transitions on a square map of `side` cells.
+fn batch(rows: usize, side: f32) -> Batch {
+    let (mut rng, last) = (rng(), side - 1.0);
+    let mut numbers = |from: f32, to: f32| -> Vec<f32> {
+        (0..2 * rows).map(|_| rng.random_range(from..to)).collect()
+    };
+    let (from, actions, goals) = (numbers(1.0, last), numbers(-1.0, 1.0), numbers(1.0, last));
+    Batch {
+        states: numbers(1.0, last),
+        actor_goals: goals.clone(),
+        actor_weights: vec![1.0; rows],
+        goals,
+        bootstrap_states: numbers(1.0, last),
+        steps: vec![1.0; rows],
+        bootstrap: vec![1.0; rows],
+        bound: vec![f32::INFINITY; rows],
+        lower: vec![0.0; rows],
+        greedy_targets: false,
+        relearns: false,
+        next: from.iter().zip(&actions).map(|(s, a)| s + a).collect(),
+        from,
+        actions,
+        ..Batch::default()
+    }
+}
+
+/// Measures both variants in turns: once to warm up, then `runs` times.
+fn in_turns<T>(
+    runs: usize,
+    variants: &mut [T; 2],
+    mut measure: impl FnMut(&mut T) -> Result<f64>,
+) -> Result<[Vec<f64>; 2]> {
+    let mut all = [Vec::new(), Vec::new()];
+    for turn in 0..=runs {
+        for (variant, found) in variants.iter_mut().zip(&mut all) {
+            let number = measure(variant)?;
+            found.extend((turn > 0).then_some(number));
+        }
+    }
+    Ok(all)
+}
+
+/// A run of the default preset on `map`.
+fn trainer(map: &Arc<Grid>, threads: usize) -> Result<Trainer> {
+    let (method, settings) = (Method::default(), Settings::default());
+    let run = Run { method, preset: Preset::Default, seed: 1, settings };
+    Ok(Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)?)
+}
+
+fn built_in(name: &str) -> Arc<Grid> {
+    builtin(name).map_or_else(|| unreachable!("{name} is built in"), Arc::new)
+}
+
+fn rng() -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(1)
+}
+
+fn on(threads: usize) -> String {
+    counted(threads as u64, "thread")
+}
+
+fn median(values: Vec<f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The value below which a share of all values lies.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let at = (values.len() as f64 * share) as usize;
+    values.get(at.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,272 @@
+//! The built-in learners: variants of one, whose networks hand-written kernels update on several
+//! threads.
+//!
+//! - `gdg`, the goal-distance gradient (Algorithm 1): distance critics, a dynamics model and an actor
+//!   that descends D(f(s, mu(s, g)), g).
+//! - `gdg-distance`, the same with the distance given (the paper's section 4.1): D(s, g) = |s - g|,
+//!   the straight line from the achieved goal to the goal. Where something is in the way, such as the
+//!   walls of a maze, D ignores it: the actor walks straight at the goal.
+//! - `ddpg`, `her` and `ddpg-distance`, the rivals that learn from rewards: Q(s, a, g) and mu(s, g)
+//!   with target networks (Lillicrap et al. 2016), goals as inputs (Schaul et al. 2015) and, for
+//!   `her`, goals relabelled in hindsight (Andrychowicz et al. 2017, strategy "future"). With two
+//!   critics, targets use their minimum, and `target_noise` smooths them (Fujimoto et al. 2018,
+//!   sections 4.2 and 5.3; TD3 without its delayed actor). The target is r + gamma Q'(s', mu'(s', g),
+//!   g); a state at the goal ends the task, the end of an episode's time does not. Losses are in units
+//!   of the reward. Distances known from the bridge graph are not used.
+//! - `random`: random actions without learning. It keeps the networks that a run of `gdg` trained
+//!   before, so that the run can continue with them.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use rand_chacha::ChaCha8Rng;
+
+use crate::env::Spec;
+use crate::job::Job;
+use crate::learn::data::batch::{Batch, BatchSampler};
+use crate::learn::data::graph_paths::follow_graph;
+use crate::learn::data::hard_pairs::{imagine_walks, short_pairs};
+use crate::learn::error::LearnError;
+use crate::learn::learner::{Acting, Learner, LearnerKind, TrainingData};
+use crate::learn::networks::export::{ActorExport, CriticsExport};
+use crate::learn::networks::policy::{Policy, Scratch};
+use crate::learn::networks::returns::Reward;
+use crate::learn::networks::shapes::{Critics, Shapes};
+use crate::learn::settings::LearnSettings;
+use crate::learn::update::losses::Losses;
+use crate::learn::update::profile::{Profile, Stage};
+use crate::learn::update::threads::Threads;
+use crate::learn::update::training::Training;
+use crate::store::{Store, StoreError};
+
+/// How the learners differ.
+#[derive(Clone, Copy, Debug)]
+pub struct Variant {
+    name: &'static str,
+    about: &'static str,
+    /// Prefix of the networks' names in checkpoints. Variants with the same prefix can continue
+    /// with each other's networks.
+    prefix: &'static str,
+    critics: Critics,
+    hindsight: bool,
+    acting: Acting,
+}
+
+/// Goal-distance gradient.
+pub const GDG: Variant = Variant {
+    name: "gdg",
+    about: "trains an actor through a distance critic and a dynamics model",
+    prefix: "",
+    critics: Critics::Distance,
+    hindsight: true,
+    acting: Acting::Policy,
+};
+const DDPG: Variant = Variant {
+    name: "ddpg",
+    about: "deep deterministic policy gradient; -1 a step up to the goal",
+    prefix: "ddpg.",
+    critics: Critics::Value(Reward::Sparse),
+    hindsight: false,
+    ..GDG
+};
+
+/// All variants.
+pub const VARIANTS: [Variant; 6] = [
+    GDG,
+    Variant {
+        name: "gdg-distance",
+        about: "gdg with D given as the straight line; learns model and actor",
+        prefix: "gdg-distance.",
+        critics: Critics::Given,
+        ..GDG
+    },
+    DDPG,
+    Variant {
+        name: "her",
+        about: "ddpg with hindsight experience replay",
+        hindsight: true,
+        ..DDPG
+    },
+    Variant {
+        name: "ddpg-distance",
+        about: "ddpg rewarded by minus the straight-line distance",
+        prefix: "ddpg-distance.",
+        critics: Critics::Value(Reward::Distance),
+        ..DDPG
+    },
+    Variant {
+        name: "random",
+        about: "random actions without learning",
+        acting: Acting::AtRandom,
+        ..GDG
+    },
+];
+
+/// Returns the registry entry of variant number `V`.
+pub const fn kind<const V: usize>() -> LearnerKind {
+    LearnerKind {
+        name: VARIANTS[V].name,
+        about: VARIANTS[V].about,
+        is_rewarded: matches!(VARIANTS[V].critics, Critics::Value(_)),
+        create: |spec, settings, threads, rng| {
+            Ok(Box::new(NetworkLearner::new(VARIANTS[V], spec, settings, threads, rng)?))
+        },
+        parameters: |spec, settings| VARIANTS[V].shapes(spec, settings).count_parameters(),
+    }
+}
+
+impl Variant {
+    #[cfg(test)]
+    pub fn is_random(self) -> bool {
+        self.acting == Acting::AtRandom
+    }
+
+    fn shapes(self, spec: &Spec, settings: &LearnSettings) -> Shapes {
+        Shapes::new(spec, settings, self.prefix, self.critics)
+    }
+}
+
+/// The networks of a built-in learner, and everything needed to train them.
+pub struct NetworkLearner {
+    variant: Variant,
+    sampler: BatchSampler,
+    /// Inference buffers for what the bridge graph adds to batches.
+    scratch: Scratch,
+    training: Training,
+}
+
+impl NetworkLearner {
+    /// Creates networks for an environment of `spec`. `threads` share the work of each update, which
+    /// does not change its result.
+    ///
+    /// # Errors
+    /// A tensor operation fails.
+    pub fn new(
+        variant: Variant,
+        spec: &Spec,
+        settings: &LearnSettings,
+        threads: impl Into<Threads>,
+        rng: &mut ChaCha8Rng,
+    ) -> candle_core::Result<Self> {
+        let training = Training::new(variant.shapes(spec, settings), settings, threads, rng)?;
+        let mut settings = settings.clone();
+        if !variant.hindsight {
+            (settings.goal_hindsight, settings.goal_random) = (0.0, 0.0);
+        }
+        let returns = training.shapes().returns.clone();
+        let sampler = BatchSampler { spec: spec.clone(), settings, returns };
+        Ok(Self { variant, sampler, scratch: Scratch::default(), training })
+    }
+
+    /// Updates all networks once on `batch` (Algorithm 1's inner loop) and adds the time to
+    /// `profile`.
+    ///
+    /// # Errors
+    /// A tensor operation fails.
+    pub fn update_on(
+        &self,
+        batch: &Batch,
+        job: Option<&Job>,
+        profile: &mut Profile,
+    ) -> candle_core::Result<Losses> {
+        self.training.batch().write().clone_from(batch);
+        self.training.update(job, profile)
+    }
+
+    #[cfg(test)]
+    pub(in crate::learn) fn training(&self) -> &Training {
+        &self.training
+    }
+
+    fn sample(
+        &mut self,
+        TrainingData { replay, known, relearning, rng, .. }: TrainingData,
+    ) -> candle_core::Result<()> {
+        let Self { variant, sampler, scratch, training } = self;
+        let batch = &mut *training.batch().write();
+        let relearning = relearning.filter(|_| sampler.returns.is_none());
+        sampler.sample(replay, relearning, rng, batch);
+        let Some(known) = known.filter(|_| variant.critics == Critics::Distance) else {
+            return Ok(());
+        };
+        training.with_nets(true, |mut nets| {
+            // The second critic would double the cost and change little.
+            nets.critics.truncate(1);
+            let (_, count) = sampler.known_rows(batch);
+            let short = short_pairs(&sampler.spec, &nets, &known, count, rng, scratch);
+            imagine_walks(&nets, sampler, batch, scratch);
+            let first = sampler.add_known(&known, &short, rng, batch);
+            follow_graph(sampler, &nets, &known, batch, first, scratch);
+        })
+    }
+}
+
+impl Learner for NetworkLearner {
+    fn kind(&self) -> &'static str {
+        self.variant.name
+    }
+
+    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError> {
+        if self.variant.acting == Acting::AtRandom {
+            return Ok(Losses::default());
+        }
+        let (began, job) = (Instant::now(), data.job);
+        self.sample(data)?;
+        profile.lap(Stage::Sample, began);
+        Ok(self.training.update(Some(job), profile)?)
+    }
+
+    fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {
+        Ok(Arc::new(self.training.freeze(averaged)?))
+    }
+
+    fn with_policy(
+        &self,
+        averaged: bool,
+        use_policy: &mut dyn FnMut(&dyn Policy),
+    ) -> Result<(), LearnError> {
+        Ok(self.training.with_nets(averaged, |nets| use_policy(&nets))?)
+    }
+
+    fn export_actor(&self, averaged: bool) -> Result<Option<ActorExport>, LearnError> {
+        let shapes = self.training.shapes();
+        let is_learned = self.variant.acting == Acting::Policy && shapes.returns.is_none();
+        let export = || ActorExport::of(shapes, self.training.actor(), averaged);
+        Ok(is_learned.then(export).transpose()?)
+    }
+
+    fn export_critics(&self, averaged: bool) -> Result<Option<CriticsExport>, LearnError> {
+        let shapes = self.training.shapes();
+        let Variant { acting, critics, .. } = self.variant;
+        let export = || {
+            let critics = (0..shapes.critics).map(|k| self.training.network(k));
+            CriticsExport::of(shapes, critics, self.training.network(shapes.critics), averaged)
+        };
+        let is_learned = acting == Acting::Policy && critics == Critics::Distance;
+        Ok(is_learned.then(export).transpose()?)
+    }
+
+    fn acting(&self) -> Acting {
+        self.variant.acting
+    }
+
+    fn is_finite(&self) -> Result<bool, LearnError> {
+        Ok(self.training.is_finite()?)
+    }
+
+    fn save(&self, store: &mut Store) -> Result<(), LearnError> {
+        store.put_text("learner_updates", self.training.actor().dense.steps().to_string());
+        for (name, network) in self.training.named() {
+            network.save(name, store)?;
+        }
+        Ok(())
+    }
+
+    fn load(&mut self, store: &Store) -> Result<(), LearnError> {
+        let updates = store.text("learner_updates")?.parse::<u32>();
+        let updates = updates
+            .map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?;
+        let mut networks = self.training.named();
+        networks.try_for_each(|(name, network)| network.load(name, store, updates.into()))
+    }
+}
