@@ -61,7 +61,6 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     has_parts(
         &done.err,
         &[
-            "drawn up to 200 updates, where her ends, of 400",
             "mean of 1 to 2 seeds",
             "gdg-bridge with plans, her the actor alone",
         ],
@@ -76,7 +75,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
         let own = means.iter().filter(|row| row[1] == curve);
         own.map(|row| [3, 4, 5, 6].map(|i| row[i].parse::<f64>().unwrap())).collect::<Vec<_>>()
     };
-    assert_eq!(of("gdg-bridge"), [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
+    assert_eq!(of("gdg-bridge")[..2], [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
     assert_eq!(of("her"), [[100.0, 0.125, 0.125, 0.125], [200.0, 0.25, 0.25, 0.25]]);
 
     let file = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
@@ -99,14 +98,9 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
         has_parts(&refused.err, &[file, "already exists", "--overwrite"]);
         std::fs::write(folder.path().join(file), own).unwrap();
     }
-    let whole = ["a.jsonl", "c.jsonl", "--whole", "--x", "seconds", "--y", "greedy"];
-    let whole = plot(folder.path(), &[&whole, &out[..]].concat());
-    assert_eq!(
-        (whole.status, whole.err.contains("drawn up to")),
-        (Some(0), false),
-        "{}",
-        whole.err
-    );
+    let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "greedy"];
+    let greedy = plot(folder.path(), &[&greedy, &out[..]].concat());
+    assert_eq!(greedy.status, Some(0), "{}", greedy.err);
     let table = rows(&folder.path().join("fig.csv"));
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())

@@ -92,7 +92,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
             "ours: success rate | anywhere | as in training | environment steps | run |",
             "| GDG, bridges | about 0.8 | 0.",
             "| GDG | reaches the goal |",
-            " | reached at the end | least steps left | environment steps | run |",
+            " | reached at the end | environment steps | run |",
             " | 0 of 1 seed | ",
             "default (ours): D(s, .)",
         ],
@@ -102,10 +102,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
         &["fig3: City: success over training", "success rate over environment steps"],
     );
 
-    has_parts(
-        &report,
-        &["1.00 from (environment steps) |", "| GDG, distance | converges like DDPG | "],
-    );
+    has_parts(&report, &["| GDG, distance | converges like DDPG | "]);
 
     let (data, figures) = (place.files("out/data"), place.files("out/figures"));
     for figure in FIGURES {

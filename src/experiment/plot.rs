@@ -43,7 +43,7 @@ Examples:
 
 Every curve is the mean over the seeds, on a band from the lowest to the highest; standard \
 error says what to write into the caption. Seeds that were evaluated at different places are \
-interpolated. All curves are drawn over the same range.
+interpolated.
 
 Exit status: 0 success; 2 bad usage or input.";
 
@@ -68,10 +68,6 @@ pub struct Options {
     /// What it is drawn over
     #[arg(long, value_enum, value_name = "AXIS", default_value_t = Axis::Updates)]
     pub x: Axis,
-
-    /// Draw each curve to its own end, instead of all to the end of the shortest
-    #[arg(long)]
-    pub whole: bool,
 
     /// File that ends in .svg, .png (300 pixels an inch) or .pdf (repeatable); the table of that name
     /// ends in .csv [default: MEASURE.svg in the folder, or RUN.MEASURE.svg beside the file]
@@ -223,7 +219,8 @@ pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
     let grouping = Grouping::new(runs, &options.by);
     let mut notes = Vec::new();
     let lines = lines::lines(runs, &grouping, options, &mut notes)?;
-    let x = lines::range(&lines, options, &mut notes);
+    let ends = lines.iter().flat_map(|line| line.seeds.values()).filter_map(|points| points.last());
+    let x = [0.0, ends.map(|point| point.0).fold(0.0, f64::max)];
     let (charts, axes) = (lines::charts(&lines, options, x), [options.x.name(), options.y.name()]);
     let table = table(&lines, axes, x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
@@ -283,7 +280,6 @@ pub fn run(options: &Options) -> Result<String, Report> {
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
-    notes.extend(formats.iter().find_map(|format| format.lacking(&drawn.sheet)));
     let figures = formats.into_iter().map(|format| format.encode(&drawn.sheet));
     let figures = figures.collect::<Result<Vec<_>, _>>()?;
     drop(drawing);
@@ -358,8 +354,7 @@ mod tests {
     /// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
     fn drawn(files: &[PathBuf]) -> (Vec<String>, Vec<String>) {
         let (runs, _) = runs::runs(files, &Job::default()).expect("runs");
-        let options = Options { whole: true, ..Options::default() };
-        let Drawn { table, notes, .. } = draw(&runs, &options).expect("a figure");
+        let Drawn { table, notes, .. } = draw(&runs, &Options::default()).expect("a figure");
         let mut rows: Vec<String> = Vec::new();
         for row in csv::Reader::from_reader(&table[..]).records() {
             let row = row.expect("a row");

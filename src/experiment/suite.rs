@@ -186,7 +186,7 @@ impl Suite<'_> {
             return Ok(None);
         }
         let by = vec![By::Method, By::Setting];
-        let options = plot::Options { by, whole: true, width: PAGE, ..plot::Options::default() };
+        let options = plot::Options { by, width: PAGE, ..plot::Options::default() };
         let Drawn { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
         folder.write(CURVES, &Format::Svg.encode(&sheet)?)?;

@@ -1,6 +1,5 @@
 //! What is drawn on a page, in order, and the widths and outlines of its text in DejaVu Sans.
 
-use std::collections::BTreeSet;
 use std::sync::LazyLock;
 
 use tiny_skia::{Path, PathBuilder};
@@ -117,17 +116,6 @@ fn glyphs<'a>(face: &'a Face, text: &'a str) -> impl Iterator<Item = (GlyphId, f
         let glyph = face.glyph_index(c).unwrap_or_default();
         (glyph, f32::from(face.glyph_hor_advance(glyph).unwrap_or(0)) / per_em)
     })
-}
-
-/// Returns the characters on a sheet that the font lacks.
-pub fn lacking(sheet: &Sheet) -> String {
-    let mut lacking = BTreeSet::new();
-    for mark in &sheet.marks {
-        if let (Mark::Text(text), Some(face)) = (mark, FACE.as_ref()) {
-            lacking.extend(text.words.chars().filter(|c| face.glyph_index(*c).is_none()));
-        }
-    }
-    lacking.into_iter().collect()
 }
 
 /// Returns the outlines of a text, unless it is blank.

@@ -201,8 +201,6 @@ pub enum Shows {
     Bridge,
     /// Success over training.
     Success,
-    /// The same, with the step from which on it is complete.
-    CompleteSuccess,
     /// Success by distance at the end.
     SuccessByDistance,
     /// Paths walked.
@@ -233,7 +231,7 @@ pub const FIGURES: [Figure; 7] = [
             Entry { set: &[], ..HER },
         ],
         paper: &[("gdg-distance", "converges like DDPG"), ("ddpg-distance", "converges like GDG")],
-        ..of("fig1", "Arm: success over training", "fetch-reach", Shows::CompleteSuccess)
+        ..of("fig1", "Arm: success over training", "fetch-reach", Shows::Success)
     },
     Figure {
         methods: &[DEFAULT, GDG_BRIDGE],

@@ -37,22 +37,6 @@ pub fn last(line: &Line) -> Vec<f64> {
     line.seeds.values().filter_map(|points| Some(points.last()?.1)).collect()
 }
 
-/// Returns the least value of each seed.
-pub fn least(line: &Line) -> Vec<f64> {
-    let least = |points: &Points| points.iter().map(|(_, value)| *value).reduce(f64::min);
-    line.seeds.values().filter_map(least).collect()
-}
-
-/// Returns, for each seed, the place on the horizontal axis from which on the line stays at
-/// `value`; `None` if it does not at the end.
-pub fn stays_at(line: &Line, value: f64) -> Vec<Option<f64>> {
-    let since = |points: &Points| {
-        let from = points.iter().rposition(|(_, now)| *now < value).map_or(0, |i| i + 1);
-        points.get(from).map(|(x, _)| *x)
-    };
-    line.seeds.values().map(since).collect()
-}
-
 /// Returns the charts of a figure, if it shows curves. Methods are compared over what they were
 /// allowed to experience, or, where that is the same recorded data, over updates.
 pub fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<Panel> {
@@ -75,7 +59,7 @@ pub fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<Panel> {
         panel(chart, [over.label(), label], top, &points)
     };
     match figure.shows {
-        Shows::Success | Shows::CompleteSuccess => {
+        Shows::Success => {
             vec![training("success", "success rate", Some(1.0), Evaluation::success_rate)]
         }
         Shows::SuccessByDistance => {
@@ -110,24 +94,4 @@ fn by_distance(result: &JobResult) -> Points {
     let score = last.planned.as_ref().unwrap_or(&last.greedy);
     let of = |d: &DistanceScore| Some((d.distance()?.0.round(), d.success?));
     score.by_distance.iter().filter_map(of).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_curve_stays_complete_from_the_last_time_that_it_became_so() {
-        let points = |values: [f64; 4]| [10.0, 20.0, 30.0, 40.0].into_iter().zip(values).collect();
-        let seeds = [(1, points([1.0, 0.9, 1.0, 1.0])), (2, points([0.2, 1.0, 1.0, 0.8]))];
-        let line = Line {
-            chart: String::new(),
-            name: String::new(),
-            colour: (0, 0, 0),
-            marker: 0,
-            seeds: seeds.into(),
-        };
-        assert_eq!(stays_at(&line, 1.0), [Some(30.0), None]);
-        assert_eq!((least(&line), last(&line)), (vec![0.9, 0.2], vec![1.0, 0.8]));
-    }
 }

@@ -208,29 +208,6 @@ fn points(run: &SavedRun, options: &Options) -> Result<Points, Report> {
     Ok(points)
 }
 
-/// Returns the horizontal range: up to where the shortest curve ends or, if each goes on to its own
-/// end, the longest.
-pub fn range(lines: &[Line], options: &Options, notes: &mut Vec<String>) -> [f64; 2] {
-    let end = |line: &Line| {
-        let ends = line.seeds.values().filter_map(|points| Some(points.last()?.0));
-        ends.fold(f64::INFINITY, f64::min)
-    };
-    let longest = lines.iter().map(end).fold(0.0, f64::max);
-    match lines.iter().min_by(|a, b| end(a).total_cmp(&end(b))) {
-        Some(line) if end(line) < longest && !options.whole => {
-            let Line { chart, name, .. } = line;
-            let of = if chart.is_empty() { name.clone() } else { format!("{name} ({chart})") };
-            notes.push(format!(
-                "drawn up to {:.0} {}, where {of} ends, of {longest:.0}: --whole draws all",
-                end(line),
-                options.x.name()
-            ));
-            [0.0, end(line)]
-        }
-        _ => [0.0, longest],
-    }
-}
-
 /// Averages over seeds wherever all of them have points on both sides, up to the end of the range.
 fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
     let ends = |of: fn(&Points) -> Option<&(f64, f64)>| {
