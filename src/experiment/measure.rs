@@ -167,7 +167,8 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvEr
 /// Searches as published for a bridge point and shows it with the distances to both ends.
 fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bridge, Report> {
     let policy = job.policy();
-    let Searched { task, start, bridge, searches, tried } = search_tasks(trainer, policy, map);
+    let (task, bridge, searches, tried) = search_tasks(trainer, policy, map);
+    let start = start_of(&task);
     let mut scratch = Scratch::default();
     let mut distance = |from: &[f32], to: &[f32]| {
         let distance = hundredths(policy.distance(from, to, &mut scratch));
@@ -205,30 +206,26 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     })
 }
 
-/// Result of searches for a bridge point.
-struct Searched {
-    /// The task with the bridge point; without one, the first task.
-    task: Task,
-    start: Vec<f32>,
-    bridge: Option<BridgePoint>,
-    searches: usize,
-    /// Candidates tried in all searches.
-    tried: usize,
+fn start_of(task: &Task) -> Vec<f32> {
+    task.start.iter().map(|v| *v as f32).collect()
 }
 
 /// Searches for a bridge point on one task after another until there is one: from the map's start
 /// to the cell farthest from it, then on far tasks drawn at random. Candidates close to either end
-/// are left out: they would show the noise of D rather than a bridge.
-fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Searched {
+/// are left out: they would show the noise of D rather than a bridge. Returns the task, or the
+/// first one if there is no bridge point, how many were searched, and candidates tried in all.
+fn search_tasks(
+    trainer: &Trainer,
+    policy: &dyn Policy,
+    map: &Arc<Grid>,
+) -> (Task, Option<BridgePoint>, usize, usize) {
     let world = PointMaze::new(map.clone(), 0);
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
     let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
     let mut tasks = vec![world.longest_task()];
     tasks.extend(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks);
-    let start_of = |task: &Task| task.start.iter().map(|v| *v as f32).collect::<Vec<f32>>();
-    let (mut scratch, mut tried, mut searches) = (Scratch::default(), 0, 0);
-    for task in &tasks {
-        searches += 1;
+    let (mut scratch, mut tried) = (Scratch::default(), 0);
+    for (i, task) in tasks.iter().enumerate() {
         let start = start_of(task);
         let (states, goals) =
             middle(trainer.candidates(), &start, &task.goal, policy, &mut scratch);
@@ -243,11 +240,11 @@ fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Sear
         );
         tried += outcome.tried();
         if outcome.found.is_some() {
-            return Searched { task: task.clone(), start, bridge: outcome.found, searches, tried };
+            return (task.clone(), outcome.found, i + 1, tried);
         }
     }
-    let task = tasks.swap_remove(0);
-    Searched { start: start_of(&task), task, bridge: None, searches, tried }
+    let searches = tasks.len();
+    (tasks.swap_remove(0), None, searches, tried)
 }
 
 /// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g)

@@ -7,7 +7,6 @@ use super::folder::{Folder, picture_name};
 use super::spec::{JobResult, JobSpec, told_apart};
 use miette::Report;
 
-use gdg::env::Restart;
 use gdg::text::{aligned, counted, markdown};
 
 /// File of the learning curves, beside their table.
@@ -234,29 +233,17 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
 }
 
 fn about(rows: &[Row]) -> String {
-    let names = |name: &dyn Fn(&Row) -> String| {
-        let names: BTreeSet<String> = rows.iter().map(name).collect();
-        names.into_iter().collect::<Vec<_>>().join(", ")
-    };
+    let presets: BTreeSet<&str> = rows.iter().map(|row| row.about.preset.name()).collect();
+    let presets = presets.into_iter().collect::<Vec<_>>().join(", ");
     let common = |set: &&String| rows.iter().all(|row| row.about.settings.contains(set));
     let set = rows.first().map_or(&[][..], |row| &row.about.settings).iter().filter(common);
-    let set = set.map(String::as_str).collect::<Vec<_>>().join(" ");
-    let changed = if set.is_empty() { String::new() } else { format!(" with {set}") };
+    let set: String = set.map(|set| format!(" {set},")).collect();
     let seeds = rows.iter().map(|row| row.jobs.len().max(row.results.len())).max().unwrap_or(0);
-    let starts_anywhere = |row: &Row| {
-        let given = row.about.settings.iter().find_map(|set| set.strip_prefix("restart="));
-        let preset = || row.about.preset.settings().train.restart == Restart::Anywhere;
-        given.map_or_else(preset, |restart| restart == "anywhere")
-    };
-    let anywhere =
-        if rows.iter().any(starts_anywhere) { "; with restart=anywhere, anywhere" } else { "" };
     format!(
-        "gdg-tui {}; methods: {}; presets: {}{changed}; {} each, on tasks at six distances. Agents \
-         start at the map's `S`; on a map without one, at one cell of its largest component that \
-         the seed draws, and nowhere else{anywhere}. In brackets: the worst seed.",
+        "gdg-tui {}; presets: {presets};{set} {} each, on tasks at six distances. Agents start at \
+         the map's `S`; on a map without one, at one cell of its largest component that the seed \
+         draws; with restart=anywhere, anywhere. In brackets: the worst seed.",
         env!("CARGO_PKG_VERSION"),
-        names(&|row| row.about.method.name()),
-        names(&|row| row.about.preset.name().to_owned()),
         counted(seeds as u64, "seed"),
     )
 }

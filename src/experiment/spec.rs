@@ -42,6 +42,11 @@ impl JobWorld {
         Self::Maze { start_drawn, map: Arc::new(with_start(map.clone(), seed)) }
     }
 
+    /// Returns it with a start drawn by `seed`, if it has a map without one.
+    pub fn with_start(&self, seed: u64) -> Self {
+        self.map().map_or_else(|| self.clone(), |map| Self::maze(map, seed))
+    }
+
     /// Returns the world that `name` opens, if it opens one without a map.
     pub fn named(name: &str, registry: &Registry) -> Option<Self> {
         let kind = registry.world_opened_by(name)?;

@@ -67,14 +67,18 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
     let (mut jobs, mut usual) = (Vec::new(), Vec::new());
     for given in &options.worlds {
         for world in worlds(given, &options.reading, registry)? {
-            let updates = options.budget.unwrap_or(world.budget());
+            let (usual_updates, opened_by) = match world.map() {
+                Some(map) => (usual_updates(map), maze::KIND.name),
+                None => (BUDGETS[0].1, world.name()),
+            };
+            let updates = options.budget.unwrap_or(usual_updates);
             for variant in &variants {
                 for seed in 1..=options.seeds {
-                    let run = setup::run(&variant.run, world.opened_by(), registry, seed)?;
+                    let run = setup::run(&variant.run, Path::new(opened_by), registry, seed)?;
                     let plan = Plan::suite(updates, options.eval_tasks);
                     let job = JobSpec::new(world.with_start(seed), &variant.label, run, plan)?;
                     jobs.push(JobSpec { variant: variant.name.clone(), ..job });
-                    usual.push(world.budget());
+                    usual.push(usual_updates);
                 }
             }
         }
@@ -84,42 +88,23 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
     Ok(Suite { jobs, markdown: options.markdown })
 }
 
-/// What is trained on, before seeds draw starts.
-enum World {
-    Map(Grid),
-    Named(String),
-}
-
-impl World {
-    fn budget(&self) -> u64 {
-        let free = if let Self::Map(map) = self { map.free_count() } else { 0 };
-        let fitting = BUDGETS.iter().find(|(cells, _)| free <= *cells);
-        fitting.map_or(LARGEST_BUDGET, |(_, updates)| *updates)
-    }
-
-    /// Returns the name that determines which settings differ from the preset's.
-    fn opened_by(&self) -> &Path {
-        Path::new(if let Self::Named(name) = self { &**name } else { maze::KIND.name })
-    }
-
-    fn with_start(&self, seed: u64) -> JobWorld {
-        match self {
-            Self::Map(map) => JobWorld::maze(map, seed),
-            Self::Named(name) => JobWorld::Named(name.clone()),
-        }
-    }
+/// Returns the updates that suites train for on a map.
+fn usual_updates(map: &Grid) -> u64 {
+    let fitting = BUDGETS.iter().find(|(cells, _)| map.free_count() <= *cells);
+    fitting.map_or(LARGEST_BUDGET, |(_, updates)| *updates)
 }
 
 /// Returns the world, the built-in map or the map file called `name`, or all `.map` files of that
 /// folder, sorted by name; all `.txt` files if it has none. Hidden files are left out.
-fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<World>, Report> {
-    if let Some(JobWorld::Named(name)) = name.to_str().and_then(|n| JobWorld::named(n, registry)) {
-        return Ok(vec![World::Named(name)]);
+fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<JobWorld>, Report> {
+    if let Some(world) = name.to_str().and_then(|name| JobWorld::named(name, registry)) {
+        return Ok(vec![world]);
     }
+    let maze = |map: Grid| JobWorld::Maze { map: Arc::new(map), start_drawn: false };
     if !name.is_dir() || name.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(name, reading, registry)?;
         warn(&map);
-        return Ok(vec![World::Map(map)]);
+        return Ok(vec![maze(map)]);
     }
     let folder = name.display();
     let entries = std::fs::read_dir(name).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
@@ -154,7 +139,7 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Wor
     let loaded = files.iter().enumerate().map(load).collect::<Result<Vec<_>, Report>>()?;
     drop(working);
     loaded.iter().flat_map(|(warnings, _)| warnings).for_each(|warning| eprint_line(warning));
-    Ok(loaded.into_iter().map(|(_, map)| World::Map(map)).collect())
+    Ok(loaded.into_iter().map(|(_, map)| maze(map)).collect())
 }
 
 impl Suite<'_> {
