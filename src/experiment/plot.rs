@@ -366,31 +366,24 @@ mod tests {
     }
 
     #[test]
-    fn runs_on_different_maps_of_one_name_are_different_curves() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let hall = |file: &str, size: &str, at: &[u64]| {
-            let start = json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
-            record(folder.path(), file, &start, at, "")
-        };
-        let files = [hall("a.jsonl", "11 x 7", &[1, 3]), hall("b.jsonl", "21 x 21", &[2, 4])];
-        let (rows, notes) = drawn(&files);
-        let wanted = ["(11 x 7) 1 1000", "(11 x 7) 1 3000", "(21 x 21) 1 2000", "(21 x 21) 1 4000"];
-        assert_eq!(rows, wanted.map(|row| format!("hall {row}")));
-        assert_eq!(notes, [""; 0]);
-    }
-
-    #[test]
     fn runs_that_learned_or_were_evaluated_on_something_else_are_different_curves() {
         let folder = tempfile::tempdir().expect("a folder");
         let data = |checksum: u32| json!({"data": {"file": "a.npz", "checksum": checksum, "transitions": 9, "episodes": 1}});
         let tasks = |tasks: &str| json!({"map": {"name": "hall", "scenario": tasks}});
-        for [one, other] in [[data(1), data(2)], [data(1), json!({})], [tasks("a"), tasks("b")]] {
+        let size = |size: &str| json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
+        for ([one, other], names) in [
+            ([data(1), data(2)], ["her, data=00000001", "her, data=00000002"]),
+            ([data(1), json!({})], ["her, data=00000001", "her"]),
+            ([tasks("a"), tasks("b")], ["her, scenario=a", "her, scenario=b"]),
+            ([size("11 x 7"), size("21 x 21")], ["hall (11 x 7)", "hall (21 x 21)"]),
+        ] {
             let files = [
                 record(folder.path(), "a.jsonl", &one, &[1], ""),
-                record(folder.path(), "b.jsonl", &other, &[1], ""),
+                record(folder.path(), "b.jsonl", &other, &[2], ""),
             ];
-            let (rows, _) = drawn(&files);
-            assert!(rows.len() == 2 && rows[0] != rows[1], "{rows:?}");
+            let (rows, notes) = drawn(&files);
+            assert_eq!(rows, [format!("{} 1 1000", names[0]), format!("{} 1 2000", names[1])]);
+            assert_eq!(notes, [""; 0]);
         }
     }
 

@@ -303,55 +303,50 @@ mod tests {
     use super::*;
     use gdg::map::parse_map;
 
-    fn run(seed: u64) -> Run {
-        let (method, settings) = (Method::default(), Preset::Default.settings());
-        Run { method, preset: Preset::Default, seed, settings }
-    }
-
-    fn job(map: &str, run: Run, plan: Plan) -> JobSpec {
-        let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
-        JobSpec::new(JobWorld::maze(&map, run.seed), "gdg", run, plan).expect("a job")
-    }
-
     #[test]
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
-        let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
-        let one = job("...\n", run(1), plan.clone());
+        let job = |map: &str, seed, change: fn(&mut Run, &mut Plan)| {
+            let (method, settings) = (Method::default(), Preset::Default.settings());
+            let mut run = Run { method, preset: Preset::Default, seed, settings };
+            let mut plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
+            change(&mut run, &mut plan);
+            let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
+            JobSpec::new(JobWorld::maze(&map, seed), "gdg", run, plan).expect("a job")
+        };
+        let one = job("...\n", 1, |_, _| {});
         assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
         let facts = one.open_result().map.expect("a map");
         assert!(facts.start_drawn && facts.starts.len() == 1);
-        assert_eq!(job("...\n", run(1), plan.clone()).key, one.key);
-        let mut other = run(1);
-        other.settings.learn.hidden = 17;
-        let changed = job("...\n", other, plan.clone());
+        assert_eq!(job("...\n", 1, |_, _| {}).key, one.key);
+        let changed = job("...\n", 1, |run, _| run.settings.learn.hidden = 17);
         assert_eq!(changed.open_result().settings, ["hidden=17"]);
-        let plans = [
-            Plan::suite(100, 2),
-            Plan { length: Length::Updates(101), ..plan.clone() },
-            Plan { length: Length::Episodes(100), ..plan.clone() },
-            Plan { walks: vec![90], ..plan.clone() },
-            Plan { last_tasks: 3, ..plan.clone() },
-        ];
-        let others = plans.map(|plan| job("...\n", run(1), plan)).into_iter().chain([
+        let others = [
             changed,
-            job("..#\n", run(1), plan.clone()),
-            job("...\n", run(2), plan),
-        ]);
-        others.for_each(|other| assert_ne!(other.key, one.key));
+            job("..#\n", 1, |_, _| {}),
+            job("...\n", 2, |_, _| {}),
+            job("...\n", 1, |_, plan| plan.length = Length::Updates(101)),
+            job("...\n", 1, |_, plan| plan.length = Length::Episodes(100)),
+            job("...\n", 1, |_, plan| plan.walks = vec![90]),
+            job("...\n", 1, |_, plan| plan.last_tasks = 3),
+            job("...\n", 1, |_, plan| plan.max_steps = None),
+        ];
+        assert!(others.iter().all(|other| other.key != one.key));
     }
 
     #[test]
     fn equal_names_of_different_worlds_get_the_first_fact_that_tells_all_apart() {
-        let named = |worlds: &[(&str, &str)]| {
-            let known = |(name, own)| (name, Some(own).filter(|own: &&str| !own.is_empty()));
-            told_apart(&worlds.iter().copied().map(known).collect::<Vec<_>>()).join("; ")
-        };
-        let (small, wide) = (("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b"));
-        assert_eq!(named(&[small, ("city", "9 x 9, radius 1, c"), small]), "hall; city; hall");
-        assert_eq!(named(&[small, ("hall", "")]), "hall; hall", "older records");
-        assert_eq!(named(&[small, wide]), "hall (radius 1); hall (radius 2)");
+        let [small, wide] = [("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b")];
         let large = ("hall", "9 x 9, radius 1, d");
-        assert_eq!(named(&[small, large]), "hall (4 x 2); hall (9 x 9)");
-        assert_eq!(named(&[small, wide, large]), "hall (a); hall (b); hall (d)");
+        for (worlds, expected) in [
+            (&[small, ("city", "9 x 9, radius 1, c"), small][..], "hall; city; hall"),
+            // Older records do not have them.
+            (&[small, ("hall", "")], "hall; hall"),
+            (&[small, wide], "hall (radius 1); hall (radius 2)"),
+            (&[small, large], "hall (4 x 2); hall (9 x 9)"),
+            (&[small, wide, large], "hall (a); hall (b); hall (d)"),
+        ] {
+            let known = worlds.iter().map(|(name, own)| (*name, Some(*own).filter(|own| !own.is_empty())));
+            assert_eq!(told_apart(&known.collect::<Vec<_>>()).join("; "), expected);
+        }
     }
 }
