@@ -58,13 +58,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     let done = plot(folder.path(), &[&[".", "--width", "84mm"], &out[..]].concat());
     assert_eq!(done.status, Some(0), "{}", done.err);
     assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
-    has_parts(
-        &done.err,
-        &[
-            "mean of 1 to 2 seeds",
-            "gdg-bridge with plans, her the actor alone",
-        ],
-    );
+    has_parts(&done.err, &["mean of 1 to 2 seeds", "gdg-bridge with plans, her the actor alone"]);
     let table = rows(&folder.path().join("fig.csv"));
     assert_eq!(table[0], ["chart", "curve", "seed", "updates", "success", "low", "high"]);
     assert!(

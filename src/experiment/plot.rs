@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report, miette};
 use serde::Serialize;
 
-use super::runs::{self, SavedRun, join_resumed};
+use super::runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::outputs::refuse_existing;
@@ -17,8 +17,7 @@ use crate::host::waiting::Waiting;
 use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
-use lines::Grouping;
-pub use lines::{Line, Points, table};
+pub use lines::{Grouping, Line, Points, table};
 
 /// Width of a paper's column.
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
@@ -215,7 +214,6 @@ pub struct Drawn {
 }
 
 pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
-    let runs = &join_resumed(runs)[..];
     let grouping = Grouping::new(runs, &options.by);
     let mut notes = Vec::new();
     let lines = lines::lines(runs, &grouping, options, &mut notes)?;

@@ -25,7 +25,6 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-pub use join::join_resumed;
 pub use reader::{Found, Reader};
 
 /// Records that have not grown for this long are not of a running run.

@@ -345,7 +345,8 @@ mod tests {
             (&[small, large], "hall (4 x 2); hall (9 x 9)"),
             (&[small, wide, large], "hall (a); hall (b); hall (d)"),
         ] {
-            let known = worlds.iter().map(|(name, own)| (*name, Some(*own).filter(|own| !own.is_empty())));
+            let known =
+                worlds.iter().map(|(name, own)| (*name, Some(*own).filter(|own| !own.is_empty())));
             assert_eq!(told_apart(&known.collect::<Vec<_>>()).join("; "), expected);
         }
     }

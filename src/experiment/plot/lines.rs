@@ -16,7 +16,7 @@ use gdg::text::sanitized;
 pub struct Grouping {
     by: Vec<By>,
     /// What each run differs in from the others: method, map and settings.
-    parts: Vec<[String; 3]>,
+    pub parts: Vec<[String; 3]>,
     differ: [bool; 3],
 }
 
@@ -27,22 +27,24 @@ impl Grouping {
     /// Groups runs by what they differ in: curves by `by`, or else by method and settings, and by
     /// map if they differ in neither.
     pub fn new(runs: &[SavedRun], by: &[By]) -> Self {
-        let mut of_methods: BTreeMap<&str, Vec<&SavedRun>> = BTreeMap::new();
-        runs.iter().for_each(|run| of_methods.entry(&run.method).or_default().push(run));
-        let common: BTreeMap<&str, BTreeSet<&String>> = of_methods
-            .iter()
-            .map(|(method, runs)| {
-                let sets = runs.iter().map(|run| run.settings.iter().collect::<BTreeSet<_>>());
-                (*method, sets.reduce(|a, b| &a & &b).unwrap_or_default())
-            })
-            .collect();
+        // Worlds without a map have settings of their own.
+        fn kind(run: &SavedRun) -> (&str, &str) {
+            (&run.method, if run.fingerprint.is_some() { "" } else { &run.map })
+        }
+        let mut alike: BTreeMap<_, Vec<&SavedRun>> = BTreeMap::new();
+        runs.iter().for_each(|run| alike.entry(kind(run)).or_default().push(run));
+        let common = alike.iter().map(|(kind, runs)| {
+            let sets = runs.iter().map(|run| run.settings.iter().collect::<BTreeSet<_>>());
+            (*kind, sets.reduce(|a, b| &a & &b).unwrap_or_default())
+        });
+        let common: BTreeMap<_, BTreeSet<&String>> = common.collect();
         let setting = |run: &SavedRun| {
-            let is_own = |set: &&String| !common[&*run.method].contains(set);
+            let is_own = |set: &&String| !common[&kind(run)].contains(set);
             let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
             let own = own.join(" ");
             let Some(name) = &run.variant else { return own };
             // Variants of several experiments may have the same name.
-            let mut others = of_methods[&*run.method].iter();
+            let mut others = alike[&kind(run)].iter();
             let is_known =
                 others.all(|other| other.variant != run.variant || other.settings == run.settings);
             if is_known { name.clone() } else { format!("{name}: {own}") }

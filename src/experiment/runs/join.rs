@@ -1,6 +1,5 @@
 //! Joins what was read from several files of one run.
 
-use std::cmp::Reverse;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
@@ -9,69 +8,44 @@ use super::{EDITED, Kind, SavedRun, State};
 use gdg::text::safe_file_name;
 
 /// Leaves one of the runs that were read from several files of the same: a job's result instead of
-/// its records and checkpoint, and records instead of the checkpoint that they name, and of
-/// earlier records that name it.
+/// its records and checkpoint, the records that go on instead of those before, and records instead
+/// of the checkpoint that they name.
 pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
-    let into = hosts(&runs);
-    let mut parts: Vec<(usize, usize)> =
-        into.iter().enumerate().filter_map(|(i, host)| Some((i, (*host)?))).collect();
-    // Each part of the records goes before those that it was resumed in.
-    parts.sort_by_key(|(i, _)| (runs[*i].kind == Kind::Checkpoint, Reverse(runs[*i].place())));
-    for (i, host) in parts {
-        let part = runs[i].clone();
-        Arc::make_mut(&mut runs[host]).absorb(&part);
+    let mut into = vec![None; runs.len()];
+    let all =
+        |kind: Kind| (0..runs.len()).filter(|i| runs[*i].kind == kind).collect::<Vec<usize>>();
+    let (mut records, checkpoints) = (all(Kind::Records), all(Kind::Checkpoint));
+    records.sort_by_key(|i| (runs[*i].begun, runs[*i].updates));
+    let stem = |i: usize| runs[i].source.with_extension("");
+    let results: HashMap<PathBuf, usize> =
+        all(Kind::Result).into_iter().map(|i| (stem(i), i)).collect();
+    for i in records.iter().chain(&checkpoints) {
+        into[*i] = results.get(&stem(*i)).copied();
+    }
+    let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
+    for (n, i) in records.iter().enumerate().filter(|(_, i)| into[**i].is_none()) {
+        let run = &runs[*i];
+        let is_before =
+            |part: &&usize| into[**part].is_none() && run.is_resumed_from(&runs[**part]);
+        if let Some(before) = records[..n].iter().rfind(is_before).copied() {
+            into[before] = Some(*i);
+        }
+        run.checkpoint.iter().for_each(|path| naming.entry(whole(path)).or_default().push(*i));
+    }
+    for i in checkpoints.iter().filter(|i| into[**i].is_none()) {
+        let named = naming.get(&whole(&runs[*i].source)).into_iter().flatten();
+        // Others may have begun anew and replaced the file.
+        let last = named.rev().find(|part| runs[**part].is_same(&runs[*i]));
+        into[*i] = last.map(|part| *part);
+    }
+    for i in records.into_iter().chain(checkpoints) {
+        if let Some(host) = into[i] {
+            let part = runs[i].clone();
+            Arc::make_mut(&mut runs[host]).absorb(&part);
+        }
     }
     let kept = runs.into_iter().zip(into).filter(|(_, into)| into.is_none());
     kept.map(|(run, _)| run).collect()
-}
-
-/// Joins records that were resumed from others, whatever checkpoints they name.
-pub fn join_resumed(runs: &[SavedRun]) -> Vec<SavedRun> {
-    let mut joined: Vec<(usize, SavedRun)> = Vec::new();
-    let mut parts: Vec<(usize, &SavedRun)> = runs.iter().enumerate().collect();
-    parts.sort_by_key(|(_, run)| run.place());
-    for (i, run) in parts {
-        let before = joined.iter_mut().find(|(_, part)| run.is_resumed_from(part));
-        if let Some((_, part)) = before.filter(|(_, part)| part.settings == run.settings) {
-            let before = std::mem::replace(part, run.clone());
-            part.continue_from(before);
-        } else {
-            joined.push((i, run.clone()));
-        }
-    }
-    joined.sort_by_key(|(i, _)| *i);
-    joined.into_iter().map(|(_, run)| run).collect()
-}
-
-/// Returns, for each run that is part of another, the index of that one.
-fn hosts(runs: &[Arc<SavedRun>]) -> Vec<Option<usize>> {
-    let mut into = vec![None; runs.len()];
-    let of = |kind: Kind| runs.iter().enumerate().filter(move |(_, run)| run.kind == kind);
-    let stem = |run: &SavedRun| run.source.with_extension("");
-    let results: HashMap<PathBuf, usize> =
-        of(Kind::Result).map(|(i, run)| (stem(run), i)).collect();
-    for (i, run) in of(Kind::Records).chain(of(Kind::Checkpoint)) {
-        into[i] = results.get(&stem(run)).copied();
-    }
-    let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
-    for (i, run) in of(Kind::Records) {
-        if let (Some(path), None) = (&run.checkpoint, into[i]) {
-            naming.entry(whole(path)).or_default().push(i);
-        }
-    }
-    for (i, run) in of(Kind::Checkpoint) {
-        let Some(named) = naming.get(&whole(&run.source)) else { continue };
-        let parts = || named.iter().copied().filter(|part| runs[*part].is_same(run));
-        if let (Some(host), None) = (parts().max_by_key(|part| runs[*part].place()), into[i]) {
-            // Others may have begun anew and replaced the file.
-            let was_resumed = runs[host].begun > 0;
-            parts()
-                .filter(|part| *part != host && was_resumed)
-                .chain([i])
-                .for_each(|part| into[part] = Some(host));
-        }
-    }
-    into
 }
 
 /// Returns a path in one form, as the same file may be named in several ways.
@@ -96,18 +70,14 @@ impl SavedRun {
     }
 
     /// Whether these records go on from a checkpoint of `other`.
-    pub fn is_resumed_from(&self, other: &Self) -> bool {
+    fn is_resumed_from(&self, other: &Self) -> bool {
         // Older records name only the checkpoint that they write, which was often the same.
         let from = self.resumed.as_ref().or(self.checkpoint.as_ref()).map(|path| whole(path));
         let written = other.checkpoint.iter().chain([&other.source]).chain(&other.others);
         self.begun > other.begun
             && self.is_same(other)
+            && self.settings == other.settings
             && from.is_some_and(|from| written.into_iter().any(|path| whole(path) == from))
-    }
-
-    /// Returns its place among the parts of a run that was resumed: the last one began last.
-    pub fn place(&self) -> (u64, u64) {
-        (self.begun, self.updates)
     }
 
     /// Adds the part that it was resumed from.
