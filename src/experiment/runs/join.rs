@@ -23,20 +23,23 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
         into[*i] = results.get(&stem(*i)).copied();
     }
     let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
-    for (n, i) in records.iter().enumerate().filter(|(_, i)| into[**i].is_none()) {
+    let is_open = |into: &[Option<usize>], all: &[usize]| -> Vec<usize> {
+        all.iter().copied().filter(|i| into[*i].is_none()).collect()
+    };
+    let open = is_open(&into, &records);
+    for (n, i) in open.iter().enumerate() {
         let run = &runs[*i];
         let is_before =
             |part: &&usize| into[**part].is_none() && run.is_resumed_from(&runs[**part]);
-        if let Some(before) = records[..n].iter().rfind(is_before).copied() {
+        if let Some(before) = open[..n].iter().rfind(is_before).copied() {
             into[before] = Some(*i);
         }
         run.checkpoint.iter().for_each(|path| naming.entry(whole(path)).or_default().push(*i));
     }
-    for i in checkpoints.iter().filter(|i| into[**i].is_none()) {
-        let named = naming.get(&whole(&runs[*i].source)).into_iter().flatten();
+    for i in is_open(&into, &checkpoints) {
+        let named = naming.get(&whole(&runs[i].source)).into_iter().flatten();
         // Others may have begun anew and replaced the file.
-        let last = named.rev().find(|part| runs[**part].is_same(&runs[*i]));
-        into[*i] = last.map(|part| *part);
+        into[i] = named.rev().copied().find(|part| runs[*part].is_same(&runs[i]));
     }
     for i in records.into_iter().chain(checkpoints) {
         if let Some(host) = into[i] {
