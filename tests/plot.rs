@@ -143,7 +143,6 @@ fn what_cannot_be_drawn_is_named() {
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     let all = records("her", 1, 2, 0.5, &json!({}));
     write("her.jsonl", &all);
-    write("old.jsonl", &all.replace("\"env_steps\"", "\"steps\""));
     write("begun.jsonl", all.lines().next().unwrap());
     write("bad.jsonl", &(all.lines().next().unwrap().to_owned() + "\n{\"event\": 3}\n"));
     write("late.jsonl", all.lines().nth(1).unwrap());
@@ -156,7 +155,6 @@ fn what_cannot_be_drawn_is_named() {
         (&["bad.jsonl"], &["bad.jsonl:2:", "not a record"]),
         (&["late.jsonl"], &["late.jsonl:1:1: an evaluation before any start record"]),
         (&["map.txt"], &["map.txt:1:1: not a record"]),
-        (&["old.jsonl", "--x", "steps"], &["older version", "--x updates"]),
         (&["her.jsonl", "--y", "error"], &["none of these runs (her) has a relative error of D"]),
         (&["her.jsonl", "--y", "sucess"], &["'success'"]),
         (&["her.jsonl", "--width", "3"], &["from 40 to 1000"]),

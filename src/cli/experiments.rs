@@ -8,7 +8,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use super::MapArgs;
 use super::train::BaseArgs;
 use super::values::{MethodParser, counts, methods_help, output, shares};
-use crate::experiment::figures::{self, Budget, DataFolder, FIGURES};
+use crate::experiment::figures::{self, Budget, FIGURES};
 use crate::experiment::jobs::JobOptions;
 use crate::experiment::suite;
 use crate::experiment::variants::{Ablation, Variation};
@@ -188,14 +188,9 @@ pub struct ReproduceArgs {
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
 
-    /// Folder of OGBench's datasets, for the figure ogbench; those that are not there are collected
+    /// Folder of OGBench's datasets, for the figure ogbench
     #[arg(long, value_name = "FOLDER", default_value = "saves/ogbench", value_parser = output())]
     pub data_dir: PathBuf,
-
-    /// Python interpreter with the package ogbench, to collect them [default: that of the active
-    /// virtual environment, else python3]
-    #[arg(long, value_name = "PATH")]
-    pub python: Option<PathBuf>,
 
     /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
     /// many along the way
@@ -225,7 +220,7 @@ impl From<ReproduceArgs> for figures::Options {
             steps: args.steps,
             seeds: args.seeds,
             eval_tasks: args.eval_tasks,
-            data: DataFolder { folder: args.data_dir, python: args.python },
+            data: args.data_dir,
             set: args.set,
             running: args.running.of_command("reproduce"),
         }

@@ -9,6 +9,7 @@ mod output;
 mod report;
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use miette::{Report, miette};
@@ -22,7 +23,6 @@ use catalogue::Entry;
 pub use catalogue::{Budget, FIGURES, Figure};
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
-pub use ogbench::DataFolder;
 use output::Drawn;
 
 /// Which figures to reproduce, and how.
@@ -41,7 +41,8 @@ pub struct Options {
     pub seeds: Option<u64>,
     /// Evaluation tasks at each distance; otherwise those of the figure.
     pub eval_tasks: Option<u32>,
-    pub data: DataFolder,
+    /// The folder of OGBench's datasets.
+    pub data: PathBuf,
     /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
     pub set: Vec<String>,
     pub running: JobOptions,
@@ -76,11 +77,6 @@ pub fn prepare<'a>(
         FIGURES.iter().filter(|figure| figure.is_among(&options.figures)).collect();
     check_prefixes(&options.set, &chosen)?;
     let JobOptions { collect, list, .. } = options.running;
-    if !collect {
-        let entries = chosen.iter().flat_map(|figure| figure.methods);
-        let datasets: Vec<&str> = entries.filter_map(|entry| entry.dataset).collect();
-        options.data.collect(&datasets)?;
-    }
     let mut figures = Vec::new();
     for figure in chosen {
         let mut methods = Vec::new();
@@ -118,7 +114,7 @@ fn jobs(
             from_config_error(error).wrap_err(problem)
         })?;
     let mut plan = figure.plan(options.budget, entry.name);
-    plan.data = entry.dataset.map(|dataset| options.data.find(dataset)).transpose()?;
+    plan.data = entry.dataset.map(|dataset| ogbench::find(dataset, &options.data)).transpose()?;
     let lengths = [
         options.updates.map(Length::Updates),
         options.episodes.map(Length::Episodes),

@@ -193,11 +193,11 @@ impl Axis {
         next(self)
     }
 
-    /// Returns where it is at an evaluation; older records do not know it.
-    pub fn of(self, at: &EvaluationAt) -> Option<f64> {
+    /// Returns where it is at an evaluation.
+    pub fn of(self, at: &EvaluationAt) -> f64 {
         match self {
-            Self::Updates => Some(at.updates as f64),
-            Self::Steps => at.env_steps.map(|steps| steps as f64),
+            Self::Updates => at.updates as f64,
+            Self::Steps => at.env_steps as f64,
             Self::Seconds => at.seconds,
         }
     }
@@ -338,7 +338,8 @@ mod tests {
         let score = json!({"success": 0.5, "spl": null, "steps_ratio": null, "by_distance": []});
         let at = |thousands: &u64| {
             json!({
-                "event": "evaluation", "updates": 1000 * thousands, "greedy": score, "planned": null,
+                "event": "evaluation", "updates": 1000 * thousands, "env_steps": 0, "seconds": 0.0,
+                "greedy": score, "planned": null,
             })
         };
         let saved = json!({"event": "saved", "updates": 0, "path": saved});

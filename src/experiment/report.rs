@@ -190,14 +190,13 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
             out += &format!("\n## {}\n", markdown(&row.map));
         }
         last = Some(&row.map);
-        let size = row.about.fingerprint().and_then(|facts| facts.split(", ").next());
+        let size = row.about.fingerprint.as_ref().and_then(|facts| facts.split(", ").next());
         let size = size.map_or(String::new(), |size| format!("{size}, "));
-        let cells = row.about.map.as_ref().map(|map| format!("{} free cells, ", map.free_cells));
-        let (cells, updates) = (cells.unwrap_or_default(), row.about.updates);
+        let updates = row.about.updates;
         let label = markdown(&row.label);
         let set: String = row.about.settings.iter().map(|set| format!(" {set}")).collect();
         let (preset, set) = (row.about.preset.name(), markdown(&set));
-        out += &format!("\n### {label}\n\n{size}{cells}{updates} updates; preset {preset}{set}.\n");
+        out += &format!("\n### {label}\n\n{size}{updates} updates; preset {preset}{set}.\n");
         for result in &row.results {
             out += &format!("\n{}\n", section(result, folder));
         }
@@ -225,15 +224,14 @@ fn section(result: &JobResult, folder: &Folder) -> String {
         |column: &Column| Some(format!("{} {}", column.title, column.format((column.of)(result)?)));
     let numbers = COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ");
     let (seed, seconds) = (result.seed, result.seconds);
-    let Some(map) = &result.map else { return format!("Seed {seed}: {numbers}; {seconds:.0} s.") };
+    let text = format!("Seed {seed}: {numbers}; {seconds:.0} s.");
+    if result.fingerprint.is_none() {
+        return text;
+    }
     let (name, picture) = (markdown(&result.name), picture_name(&result.name));
-    let shown = if folder.path(&picture).is_file() {
-        format!("![{name}]({picture})")
-    } else {
-        let again = "delete the file of its result and run this again to draw it";
-        format!("({} is missing: {again}.)", markdown(&picture))
-    };
-    let starts: Vec<String> = map.starts.iter().map(|[x, y]| format!("({x}, {y})")).collect();
-    let (starts, drawn) = (starts.join(" "), if map.start_drawn { " (drawn)" } else { "" });
-    format!("{shown}\n\nSeed {seed}, start {starts}{drawn}: {numbers}; {seconds:.0} s.")
+    if folder.path(&picture).is_file() {
+        return format!("![{name}]({picture})\n\n{text}");
+    }
+    let again = "delete the file of its result and run this again to draw it";
+    format!("({} is missing: {again}.)\n\n{text}", markdown(&picture))
 }

@@ -114,7 +114,7 @@ impl SavedRun {
             source,
             kind: Kind::Result,
             end: Some(State::Done),
-            fingerprint: result.fingerprint().map(str::to_owned),
+            fingerprint: result.fingerprint,
             map: result.world,
             method: result.method.name(),
             variant: result.variant,

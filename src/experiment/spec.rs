@@ -14,7 +14,7 @@ use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
 use gdg::text::safe_file_name;
-use gdg::train::{Evaluation, History, Method, Preset, Registry, Run, Trainer};
+use gdg::train::{Evaluation, History, Method, Moment, Preset, Registry, Run, Trainer};
 
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
@@ -25,12 +25,8 @@ const RESULTS_VERSION: u32 = 3;
 
 #[derive(Clone, Debug)]
 pub enum JobWorld {
-    Maze {
-        /// The map, with a start.
-        map: Arc<Grid>,
-        /// Whether that start was drawn, as the map itself has none.
-        start_drawn: bool,
-    },
+    /// A map, with a start once a seed has drawn one.
+    Maze(Arc<Grid>),
     /// A world that needs no file, by the name that opens it.
     Named(String),
 }
@@ -38,8 +34,7 @@ pub enum JobWorld {
 impl JobWorld {
     /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
     pub fn maze(map: &Grid, seed: u64) -> Self {
-        let start_drawn = map.starts().is_empty();
-        Self::Maze { start_drawn, map: Arc::new(with_start(map.clone(), seed)) }
+        Self::Maze(Arc::new(with_start(map.clone(), seed)))
     }
 
     /// Returns it with a start drawn by `seed`, if it has a map without one.
@@ -60,21 +55,21 @@ impl JobWorld {
 
     pub fn name(&self) -> &str {
         match self {
-            Self::Maze { map, .. } => map.name(),
+            Self::Maze(map) => map.name(),
             Self::Named(name) => name,
         }
     }
 
     pub fn map(&self) -> Option<&Arc<Grid>> {
         match self {
-            Self::Maze { map, .. } => Some(map),
+            Self::Maze(map) => Some(map),
             Self::Named(_) => None,
         }
     }
 
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
-            Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
+            Self::Maze(map) => Ok(Box::new(PointMaze::new(map.clone(), 0))),
             Self::Named(name) => match registry.open(name) {
                 Some(opened) => opened.into_diagnostic(),
                 None => Err(miette!("{name}: this build has no such world")),
@@ -84,7 +79,7 @@ impl JobWorld {
 
     fn is(&self, world: &dyn Environment) -> bool {
         match self {
-            Self::Maze { map, .. } => PointMaze::downcast_ref(world)
+            Self::Maze(map) => PointMaze::downcast_ref(world)
                 .is_some_and(|maze| content(maze.map()) == content(map)),
             Self::Named(name) => match name.split_once(':') {
                 Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
@@ -154,7 +149,7 @@ impl JobSpec {
             settings: changed.iter().map(|(name, value)| setting_text(name, value)).collect(),
             seed: self.run.seed,
             world: self.world.name().to_owned(),
-            map: MapFacts::of(&self.world),
+            fingerprint: self.world.map().map(|map| fingerprint(map)),
             updates: self.plan.length.amount(),
             seconds: 0.0,
             evaluations: Vec::new(),
@@ -181,15 +176,10 @@ pub fn setting_text(name: &str, value: &Value) -> String {
 
 pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
     let evaluation = |(i, (updates, evaluation)): (usize, &(u64, Evaluation))| {
-        let made = history.moment(i);
-        EvaluationAt {
-            updates: *updates,
-            env_steps: made.map(|made| made.env_steps),
-            seconds: made.map(|made| made.seconds),
-            evaluation: evaluation.clone(),
-        }
+        let Moment { env_steps, seconds, .. } = history.moment(i)?;
+        Some(EvaluationAt { updates: *updates, env_steps, seconds, evaluation: evaluation.clone() })
     };
-    history.evaluations().iter().enumerate().map(evaluation).collect()
+    history.evaluations().iter().enumerate().filter_map(evaluation).collect()
 }
 
 /// A finished job, as stored in its JSON file.
@@ -208,8 +198,9 @@ pub struct JobResult {
     /// Name of the map, or of the world if it has none.
     #[serde(rename = "map")]
     pub world: String,
-    #[serde(flatten)]
-    pub map: Option<MapFacts>,
+    /// What tells the map apart from others of its name; the first part is its size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
     pub updates: u64,
     /// Training time, without evaluation.
     pub seconds: f64,
@@ -220,50 +211,19 @@ pub struct JobResult {
     pub measured: Option<Measured>,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MapFacts {
-    pub free_cells: usize,
-    /// Column and row of each start.
-    pub starts: Vec<[usize; 2]>,
-    /// Whether the start was drawn, as the map itself has none.
-    pub start_drawn: bool,
-    /// What tells the map apart from others of its name; the first part is its size.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fingerprint: Option<String>,
-}
-
-impl MapFacts {
-    fn of(world: &JobWorld) -> Option<Self> {
-        let JobWorld::Maze { map, start_drawn } = world else { return None };
-        Some(Self {
-            free_cells: map.free_count(),
-            starts: map.starts().iter().map(|start| [start.x, start.y]).collect(),
-            start_drawn: *start_drawn,
-            fingerprint: Some(fingerprint(map)),
-        })
-    }
-}
-
 /// An evaluation after a number of updates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationAt {
     pub updates: u64,
-    /// Environment steps before it, summed over all agents; older records do not have it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub env_steps: Option<u64>,
-    /// Training time before it; older records do not have it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seconds: Option<f64>,
+    /// Environment steps before it, summed over all agents.
+    pub env_steps: u64,
+    /// Training time before it.
+    pub seconds: f64,
     #[serde(flatten)]
     pub evaluation: Evaluation,
 }
 
 impl JobResult {
-    /// Returns what tells its map apart from others of its name, if that is known.
-    pub fn fingerprint(&self) -> Option<&str> {
-        self.map.as_ref()?.fingerprint.as_deref()
-    }
-
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)
     }
@@ -315,8 +275,6 @@ mod tests {
         };
         let one = job("...\n", 1, |_, _| {});
         assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
-        let facts = one.open_result().map.expect("a map");
-        assert!(facts.start_drawn && facts.starts.len() == 1);
         assert_eq!(job("...\n", 1, |_, _| {}).key, one.key);
         let changed = job("...\n", 1, |run, _| run.settings.learn.hidden = 17);
         assert_eq!(changed.open_result().settings, ["hidden=17"]);

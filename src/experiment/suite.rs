@@ -100,7 +100,7 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Job
     if let Some(world) = name.to_str().and_then(|name| JobWorld::named(name, registry)) {
         return Ok(vec![world]);
     }
-    let maze = |map: Grid| JobWorld::Maze { map: Arc::new(map), start_drawn: false };
+    let maze = |map: Grid| JobWorld::Maze(Arc::new(map));
     if !name.is_dir() || name.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(name, reading, registry)?;
         warn(&map);

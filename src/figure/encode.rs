@@ -26,16 +26,13 @@ use gdg::text::sanitized;
 /// Pixels of a PNG, an inch.
 const RESOLUTION: f32 = 300.0;
 
-/// Objects of a PDF, and the first one of those for opacities.
+/// Objects of a PDF; the last one is the opacity of bands.
 const CATALOG: i32 = 1;
 const PAGES: i32 = 2;
 const PAGE: i32 = 3;
 const CONTENT: i32 = 4;
 const INFO: i32 = 5;
-const OPACITIES: i32 = 10;
-
-/// Opacities in a PDF come in this many levels.
-const LEVELS: f32 = 100.0;
+const BAND: i32 = 6;
 
 /// Returns the line, polygon or letters that a mark consists of, if it is not a picture.
 fn path_of(mark: &Mark) -> Option<Path> {
@@ -171,22 +168,18 @@ pub fn svg(sheet: &Sheet) -> Result<String, Report> {
     Ok(document.to_string() + "\n")
 }
 
-/// A PDF's page, and what it refers to.
-struct Drawing {
-    content: Content,
-    /// Levels of opacity.
-    opacities: Vec<i32>,
-}
-
 pub fn pdf(sheet: &Sheet) -> Vec<u8> {
     let [width, height] = sheet.size;
     let mut content = Content::new();
     content.set_line_cap(LineCapStyle::RoundCap).set_line_join(LineJoinStyle::RoundJoin);
     // Downwards, as on the sheet.
     content.transform([1.0, 0.0, 0.0, -1.0, 0.0, height]);
-    let mut drawing = Drawing { content, opacities: Vec::new() };
-    sheet.marks.iter().for_each(|mark| drawing.add(mark));
-    let Drawing { content, opacities } = drawing;
+    sheet.marks.iter().for_each(|mark| add(&mut content, mark));
+    // All bands have the same.
+    let band = sheet.marks.iter().find_map(|mark| match mark {
+        Mark::Area { opacity, .. } if *opacity < 1.0 => Some(*opacity),
+        _ => None,
+    });
     let mut pdf = Pdf::new();
     pdf.catalog(Ref::new(CATALOG)).pages(Ref::new(PAGES));
     pdf.pages(Ref::new(PAGES)).kids([Ref::new(PAGE)]).count(1);
@@ -194,16 +187,10 @@ pub fn pdf(sheet: &Sheet) -> Vec<u8> {
     page.media_box(Rect::new(0.0, 0.0, width, height));
     page.parent(Ref::new(PAGES)).contents(Ref::new(CONTENT));
     let mut resources = page.resources();
-    let mut states = resources.ext_g_states();
-    for level in &opacities {
-        states.pair(Name(format!("O{level}").as_bytes()), Ref::new(OPACITIES + level));
-    }
-    states.finish();
+    resources.ext_g_states().pair(Name(b"Band"), Ref::new(BAND));
     resources.finish();
     page.finish();
-    for level in opacities {
-        pdf.ext_graphics(Ref::new(OPACITIES + level)).non_stroking_alpha(level as f32 / LEVELS);
-    }
+    pdf.ext_graphics(Ref::new(BAND)).non_stroking_alpha(band.unwrap_or(1.0));
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
     let packed = encoder.write_all(&content.finish()).and_then(|()| encoder.finish());
     // Writing to memory does not fail.
@@ -215,38 +202,33 @@ pub fn pdf(sheet: &Sheet) -> Vec<u8> {
     pdf.finish()
 }
 
-impl Drawing {
-    fn add(&mut self, mark: &Mark) {
-        let content = &mut self.content;
-        let shares = |(r, g, b): Rgb| [r, g, b].map(|part| f32::from(part) / 255.0);
-        let fill = |content: &mut Content, colour: Rgb, path: &Path| {
-            let [r, g, b] = shares(colour);
-            content.set_fill_rgb(r, g, b);
-            trace(content, path);
-            content.fill_nonzero();
-        };
-        let path = path_of(mark);
-        match (mark, path) {
-            (Mark::Line { width, colour, .. }, Some(path)) => {
-                let [r, g, b] = shares(*colour);
-                content.set_stroke_rgb(r, g, b).set_line_width(*width);
-                trace(content, &path);
-                content.stroke();
-            }
-            (Mark::Area { colour, opacity, .. }, Some(path)) => {
-                let level = (LEVELS * opacity).round() as i32;
-                if !self.opacities.contains(&level) {
-                    self.opacities.push(level);
-                }
-                content.save_state().set_parameters(Name(format!("O{level}").as_bytes()));
-                fill(content, *colour, &path);
-                content.restore_state();
-            }
-            (Mark::Text(text), Some(path)) => fill(content, text.colour, &path),
-            // Only figures of maps have pictures, and those are never written as PDF.
-            (Mark::Picture { .. }, _) | (_, None) => {}
+fn add(content: &mut Content, mark: &Mark) {
+    let shares = |(r, g, b): Rgb| [r, g, b].map(|part| f32::from(part) / 255.0);
+    // Only figures of maps have pictures, and those are never written as PDF.
+    let Some(path) = path_of(mark) else { return };
+    content.save_state();
+    match mark {
+        Mark::Line { width, colour, .. } => {
+            let [r, g, b] = shares(*colour);
+            content.set_stroke_rgb(r, g, b).set_line_width(*width);
         }
+        Mark::Area { colour, .. } | Mark::Text(Text { colour, .. }) => {
+            let [r, g, b] = shares(*colour);
+            content.set_fill_rgb(r, g, b);
+        }
+        Mark::Picture { .. } => {}
     }
+    if matches!(mark, Mark::Area { opacity, .. } if *opacity < 1.0) {
+        content.set_parameters(Name(b"Band"));
+    }
+    trace(content, &path);
+    let is_line = matches!(mark, Mark::Line { .. });
+    if is_line {
+        content.stroke()
+    } else {
+        content.fill_nonzero()
+    };
+    content.restore_state();
 }
 
 /// Adds a path; PDF has no quadratic curves.

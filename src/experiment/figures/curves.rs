@@ -54,7 +54,7 @@ pub fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<Panel> {
     let training = |chart, label, top, of: fn(&Evaluation) -> Option<f64>| {
         let points = |result: &JobResult| -> Points {
             let all = result.evaluations.iter();
-            all.filter_map(|at| Some((over.of(at)?, of(&at.evaluation)?))).collect()
+            all.filter_map(|at| Some((over.of(at), of(&at.evaluation)?))).collect()
         };
         panel(chart, [over.label(), label], top, &points)
     };

@@ -1,20 +1,13 @@
-//! The datasets of OGBench that jobs learn from: found in a folder, or collected there by OGBench.
+//! The datasets of OGBench that jobs learn from, and published results.
 
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
 
-use miette::{IntoDiagnostic, Report, miette};
+use miette::{Report, miette};
 
 use crate::experiment::plan::JobData;
-use gdg::env::GymOptions;
 use gdg::job::Job;
-use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Dataset;
-
-/// Collects a dataset by the published recipe.
-const COLLECTOR: &str = include_str!("../../../python/collect_ogbench.py");
 
 /// Success in per cent, in the order of [`PUBLISHED_METHODS`]; `None` where there is no number.
 type Success = [Option<u8>; PUBLISHED_METHODS.len()];
@@ -48,61 +41,17 @@ pub fn published_on(dataset: &str) -> Option<Success> {
     PUBLISHED.iter().find(|(name, _)| *name == dataset).map(|(_, success)| *success)
 }
 
-/// Where datasets are.
-#[derive(Clone, Debug)]
-pub struct DataFolder {
-    pub folder: PathBuf,
-    /// The interpreter that has OGBench; otherwise the default one.
-    pub python: Option<PathBuf>,
-}
-
-impl DataFolder {
-    fn file(&self, dataset: &str) -> PathBuf {
-        self.folder.join(format!("pointmaze-{dataset}-v0.npz"))
-    }
-
-    pub fn find(&self, dataset: &str) -> Result<JobData, Report> {
-        let file = self.file(dataset);
-        let checksum = Dataset::check_file(&file, &Job::default()).map_err(|error| {
-            miette!(help = self.help(&file), "{}", sanitized(&error.to_string()))
-        })?;
-        Ok(JobData { file, checksum })
-    }
-
-    /// Collects those of `datasets` that are not there, one after the other.
-    pub fn collect(&self, datasets: &[&str]) -> Result<(), Report> {
-        let python = GymOptions { python: self.python.clone(), ..GymOptions::default() };
-        let python = python.interpreter();
-        for dataset in datasets {
-            let file = self.file(dataset);
-            if file.exists() {
-                continue;
-            }
-            std::fs::create_dir_all(&self.folder).into_diagnostic()?;
-            eprint_line(&format!("{dataset}: collected with OGBench in Python, in minutes"));
-            let mut command = Command::new(&python);
-            command.args(["-c", COLLECTOR, &format!("pointmaze-{dataset}-v0")]).arg(&file);
-            let why = match command.stdin(Stdio::null()).output() {
-                Ok(output) if output.status.success() && file.exists() => continue,
-                Ok(output) => {
-                    let errors = String::from_utf8_lossy(&output.stderr);
-                    let last = errors.lines().map(str::trim).rfind(|line| !line.is_empty());
-                    last.map_or("it ended early".to_owned(), sanitized)
-                }
-                Err(error) if error.kind() == ErrorKind::NotFound => "not found".to_owned(),
-                Err(error) => error.to_string(),
-            };
-            let (help, python) = (self.help(&file), sanitized(&python.to_string_lossy()));
-            return Err(miette!(help = help, "{dataset}: not collected: {python}: {why}"));
-        }
-        Ok(())
-    }
-
-    fn help(&self, file: &Path) -> String {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        format!(
-            "put OGBench's {name} into {}, or give --python an interpreter with the package ogbench",
-            self.folder.display()
-        )
-    }
+/// Returns the file of a dataset in `folder`.
+pub fn find(dataset: &str, folder: &Path) -> Result<JobData, Report> {
+    let name = format!("pointmaze-{dataset}-v0.npz");
+    let file = folder.join(&name);
+    let checksum = Dataset::check_file(&file, &Job::default()).map_err(|error| {
+        let help = format!(
+            "put OGBench's {name} into {}: python/collect_ogbench.py writes it, and \
+             ogbench.download_datasets, in Python, fetches it",
+            folder.display()
+        );
+        miette!(help = help, "{}", sanitized(&error.to_string()))
+    })?;
+    Ok(JobData { file, checksum })
 }

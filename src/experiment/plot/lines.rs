@@ -139,7 +139,10 @@ pub fn lines(
     let (mut lines, mut names) = (Vec::<Line>::new(), Vec::<String>::new());
     for (i, run) in of_seeds(runs, grouping, notes) {
         let (chart, name) = grouping.names(i);
-        let points = points(run, options)?;
+        let points = run.evaluations.iter();
+        let points: Points = points
+            .filter_map(|at| Some((options.x.of(at), options.y.of(&at.evaluation)?)))
+            .collect();
         if points.is_empty() {
             let (y, source) = (options.y.label(), run.source.display());
             notes.push(format!("{source}: {} has no {y}: left out", run.method));
@@ -192,22 +195,6 @@ fn of_seeds<'a>(
         ));
     }
     all
-}
-
-fn points(run: &SavedRun, options: &Options) -> Result<Points, Report> {
-    let mut points = Vec::new();
-    for at in &run.evaluations {
-        let Some(x) = options.x.of(at) else {
-            let (source, x) = (run.source.display(), options.x.name());
-            let help = "--x updates, which all runs know; or run it again, with this version";
-            return Err(miette!(
-                help = help,
-                "{source}: written by an older version, which did not keep the {x} of evaluations"
-            ));
-        };
-        points.extend(options.y.of(&at.evaluation).map(|y| (x, y)));
-    }
-    Ok(points)
 }
 
 /// Averages over seeds wherever all of them have points on both sides, up to the end of the range.

@@ -136,9 +136,9 @@ mod tests {
             Score { success: Some(0.5), spl: None, steps_ratio: None, by_distance: Vec::new() };
         let evaluation = |thousands: &u64| EvaluationAt {
             updates: 1_000 * thousands,
-            env_steps: None,
+            env_steps: 0,
             // It tells the parts apart.
-            seconds: Some(begun as f64),
+            seconds: begun as f64,
             evaluation: Evaluation { greedy: score.clone(), ..Evaluation::default() },
         };
         SavedRun {
@@ -161,7 +161,7 @@ mod tests {
         let text = |run: &Arc<SavedRun>| {
             let others = run.others.iter().map(|path| format!("{} ", path.display()));
             let at = run.evaluations.iter();
-            let at = at.map(|at| format!(" {}.{}", at.updates / 1_000, at.seconds.unwrap_or(9.0)));
+            let at = at.map(|at| format!(" {}.{}", at.updates / 1_000, at.seconds));
             let (others, at) = (others.collect::<String>(), at.collect::<String>());
             format!("{} [{}]{at}", run.source.display(), others.trim_end())
         };

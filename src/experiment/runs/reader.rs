@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(maps, ["b", "c", "a", "FetchReach"], "in the order in which they began");
         let evaluated = |(updates, success): (u64, f64)| {
             format!(
-                "{{\"event\":\"evaluation\",\"updates\":{updates},\"greedy\":{{\"success\":{success},\
+                "{{\"event\":\"evaluation\",\"updates\":{updates},\"env_steps\":0,\"seconds\":0,\"greedy\":{{\"success\":{success},\
                  \"spl\":null,\"steps_ratio\":null,\"by_distance\":[]}},\"planned\":null}}\n"
             )
         };

@@ -38,9 +38,6 @@ use gdg::train::{Preset, list_settings};
 /// The smallest screen with room for everything, in columns and rows.
 const MIN_SIZE: (u16, u16) = (60, 16);
 
-/// Columns from which curves and settings are beside the list.
-const WIDE_SCREEN: u16 = 170;
-
 /// The columns of the list that are left out first where there is no room.
 const LEFT_OUT: [&str; 3] = ["written", "greedy", "state"];
 
@@ -84,8 +81,7 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
         frame.render_widget(block, area);
         inner
     };
-    let edges = if curves.x > list.x { Borders::LEFT } else { Borders::NONE };
-    let inner = within(frame, curves, edges | Borders::TOP);
+    let inner = within(frame, curves, Borders::TOP);
     let runs = drawn(&screen.list);
     let layout = &mut places.layout;
     draw_curves(frame, inner, screen, &runs, layout);
@@ -113,11 +109,6 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
 /// Returns the areas of the list, which has `rows` rows, of the curves and of the settings.
 fn panes(body: Rect, rows: usize) -> [Rect; 3] {
     let fill = Constraint::Fill;
-    if body.width >= WIDE_SCREEN {
-        let [list, rest] = Layout::horizontal([fill(1), fill(1)]).areas(body);
-        let [curves, settings] = Layout::vertical([fill(2), fill(1)]).areas(rest);
-        return [list, curves, settings];
-    }
     // Two more for title and names.
     let rows = u16::try_from(rows.max(MIN_ROWS) + 2).unwrap_or(u16::MAX).min(body.height / 2);
     let [list, rest] = Layout::vertical([Constraint::Length(rows), fill(1)]).areas(body);
@@ -277,7 +268,7 @@ fn draw_curves(
             style: style(*letter, theme),
             marker: letter.map_or(Marker::Braille, |letter| curves::marker(theme, letter)),
             points: points
-                .filter_map(|at| Some((axis.of(at)?, measure.of(&at.evaluation)?)))
+                .filter_map(|at| Some((axis.of(at), measure.of(&at.evaluation)?)))
                 .collect(),
         }
     };
