@@ -19,7 +19,6 @@ pub const MILLIMETRE: f32 = 72.0 / 25.4;
 pub enum Format {
     /// Drawing for browsers and editors, with text as text.
     Svg,
-    /// Pixels, 300 an inch.
     Png,
     /// Drawing for papers, with letters as outlines: it needs no fonts.
     Pdf,

@@ -25,30 +25,24 @@ use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
 use output::Drawn;
 
-/// Which figures to reproduce, and how.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Names of figures, or `all` for those of the paper.
     pub figures: Vec<String>,
     pub budget: Budget,
-    /// Updates of every job instead.
     pub updates: Option<u64>,
-    /// Episodes of every job instead.
     pub episodes: Option<u64>,
-    /// Environment steps of every job instead.
     pub steps: Option<u64>,
     /// Runs per method in figures over several seeds; otherwise as many as the figure has.
     pub seeds: Option<u64>,
     /// Evaluation tasks at each distance; otherwise those of the figure.
     pub eval_tasks: Option<u32>,
-    /// The folder of OGBench's datasets.
     pub data: PathBuf,
     /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
     pub set: Vec<String>,
     pub running: JobOptions,
 }
 
-/// Figures, ready to be reproduced.
 pub struct Reproduction<'a> {
     options: &'a Options,
     jobs: Jobs<'a>,
@@ -68,7 +62,6 @@ impl MethodRuns {
     }
 }
 
-/// Checks all arguments and lists the jobs.
 pub fn prepare<'a>(
     options: &'a Options,
     registry: &'a Arc<Registry>,
@@ -96,7 +89,6 @@ pub fn prepare<'a>(
     Ok(Reproduction { options, jobs, figures })
 }
 
-/// Returns the jobs of a method in a figure, one per seed.
 fn jobs(
     figure: &Figure,
     entry: &Entry,
@@ -133,7 +125,6 @@ fn jobs(
     (1..=if figure.several_seeds { seeds } else { 1 }).map(job).collect()
 }
 
-/// Checks that the methods named by `--set` are among those of `figures`.
 fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
     let mut names: Vec<&str> =
         figures.iter().flat_map(|figure| figure.methods).map(|entry| entry.name).collect();
@@ -149,7 +140,6 @@ fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
 }
 
 impl Reproduction<'_> {
-    /// Runs, draws or lists; returns the exit status.
     pub fn run(mut self) -> Result<u8, Report> {
         let mut figures = std::mem::take(&mut self.figures);
         self.jobs.run(|missing| self.draw(&mut figures, missing))

@@ -16,10 +16,8 @@ use gdg::train::{Evaluation, Registry};
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
 
-/// Which jobs run, how, and where.
 #[derive(Clone, Debug)]
 pub struct JobOptions {
-    /// Folder of jobs and results.
     pub out: PathBuf,
     /// Jobs at the same time.
     pub parallel: usize,
@@ -29,9 +27,7 @@ pub struct JobOptions {
     pub job: Vec<String>,
     /// Whether to report from finished jobs without running any.
     pub collect: bool,
-    /// Whether checkpoints of finished jobs are kept.
     pub keep: bool,
-    /// The success rate that every run has to reach.
     pub require_success: Option<f64>,
 }
 

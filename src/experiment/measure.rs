@@ -27,7 +27,6 @@ const MORE_TASKS: usize = 200;
 /// Bridge points for the figure are at least this share of D(s,g) from either end.
 const MIDDLE_SHARE: f32 = 0.25;
 
-/// Measured at the end of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Environment steps, summed over all agents.
@@ -78,13 +77,11 @@ pub struct Bridge {
     pub from_start: Vec<Option<f32>>,
     /// The same for D(cell, g).
     pub to_goal: Vec<Option<f32>>,
-    /// The walk from s to g.
     pub walk: Walked,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
-    /// Its position b.
     pub point: [f32; 2],
     pub from_start: f32,
     pub to_goal: f32,
@@ -118,7 +115,6 @@ pub fn measure(
     }))
 }
 
-/// Evaluates on `count` tasks drawn in either way.
 fn random_tasks(
     trainer: &Trainer,
     job: &EvaluationJob,
@@ -335,7 +331,6 @@ pub fn field(
     picture
 }
 
-/// Draws the plan, the path walked, both ends and a bridge point.
 pub fn draw_walk(picture: &mut Picture, raster: Raster, walk: &Walked, bridge: Option<[f32; 2]>) {
     let scale = raster.pixels.0 as f32 / raster.window[2];
     let at = |position: &[f32; 2]| position.map(|along| along * scale);

@@ -9,7 +9,6 @@ use gdg::train::{Counters, EvaluateAt, Limits};
 /// Evaluations per job of a suite, equally spaced; the last one at the end.
 const SUITE_EVALUATIONS: u64 = 10;
 
-/// How long to train.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Length {
@@ -47,11 +46,9 @@ impl Length {
 pub struct JobData {
     #[serde(skip)]
     pub file: PathBuf,
-    /// CRC-32 of its contents.
     pub checksum: u32,
 }
 
-/// What a job does besides training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
     pub length: Length,

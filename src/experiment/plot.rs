@@ -19,7 +19,6 @@ use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 pub use lines::{Grouping, Line, Points, table};
 
-/// Width of a paper's column.
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
 
@@ -46,7 +45,6 @@ interpolated.
 
 Exit status: 0 success; 2 bad usage or input.";
 
-/// What to draw, and where to.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Options {
@@ -193,7 +191,6 @@ impl Axis {
         next(self)
     }
 
-    /// Returns where it is at an evaluation.
     pub fn of(self, at: &EvaluationAt) -> f64 {
         match self {
             Self::Updates => at.updates as f64,
@@ -203,13 +200,11 @@ impl Axis {
     }
 }
 
-/// A figure of curves, and the table behind it.
 pub struct Drawn {
     pub sheet: Sheet,
     pub table: Vec<u8>,
     /// What the figure shows, for its caption.
     pub caption: String,
-    /// What it leaves out.
     pub notes: Vec<String>,
 }
 

@@ -17,7 +17,6 @@ pub const CURVES: &str = "success.svg";
 
 struct Column {
     title: &'static str,
-    /// Digits after the point.
     digits: usize,
     /// Whether it is shown on a terminal, too.
     matters: bool,
@@ -52,7 +51,6 @@ pub struct Row {
     map: String,
     /// The method, with what tells it apart from its others.
     label: String,
-    /// What all seeds share.
     about: JobResult,
     /// Names of the jobs, one per seed; none if only results are known.
     jobs: Vec<String>,

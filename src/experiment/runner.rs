@@ -34,21 +34,16 @@ enum End {
     Failed,
 }
 
-/// How jobs ended.
 pub struct Outcome {
     pub any_failed: bool,
     /// Whether other processes run some of them.
     pub any_elsewhere: bool,
-    /// Exit status if a signal ended them.
     pub interrupted: Option<u8>,
 }
 
-/// Runs jobs, each on one thread.
 struct Runner<'a> {
     all: &'a Jobs<'a>,
-    /// Ends all jobs when a signal arrives.
     termination: TerminationSignal,
-    /// Those without a result.
     open: Vec<&'a JobSpec>,
     progress: Progress,
 }
@@ -304,7 +299,6 @@ impl Runner<'_> {
     }
 }
 
-/// How far all jobs are.
 struct Progress {
     /// The share done of each job, and what of that earlier processes have done.
     shares: Mutex<Vec<[f64; 2]>>,

@@ -41,7 +41,6 @@ const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of che
 pub struct SavedRun {
     pub source: PathBuf,
     pub kind: Kind,
-    /// When its file was written.
     pub written: Option<SystemTime>,
     /// What has become of it; unknown of records without an end.
     pub end: Option<State>,
@@ -59,7 +58,6 @@ pub struct SavedRun {
     /// The checkpoint that they go on from, if they say so.
     pub resumed: Option<PathBuf>,
     pub updates: u64,
-    /// Its evaluations, oldest first.
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
@@ -70,7 +68,6 @@ pub struct SavedRun {
     pub problem: Option<String>,
 }
 
-/// What a run was read from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -197,7 +194,6 @@ impl SavedRun {
 /// A column of a list of runs, which is printed as a table or shown on the screen.
 pub struct Column {
     pub name: &'static str,
-    /// What it says about a run.
     pub cell: fn(&SavedRun) -> String,
     /// The number that runs are sorted by, instead of what the column says.
     pub number: Option<fn(&SavedRun) -> Option<f64>>,

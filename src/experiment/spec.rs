@@ -16,7 +16,6 @@ use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
 use gdg::text::safe_file_name;
 use gdg::train::{Evaluation, History, Method, Moment, Preset, Registry, Run, Trainer};
 
-/// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
 /// Part of every key. Raise it with any change of what a run learns or measures, so that no folder
@@ -96,7 +95,6 @@ fn content(map: &Grid) -> String {
     print_ascii(map) + &scale
 }
 
-/// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct JobSpec {
     /// The world's name, the label if any (method and variant), the seed and the beginning of the
@@ -112,7 +110,6 @@ pub struct JobSpec {
 }
 
 impl JobSpec {
-    /// Creates the job of `run` in `world`; `label` becomes part of its name.
     pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
         let content = world.map().map_or(String::new(), |map| content(map));
@@ -192,7 +189,6 @@ pub struct JobResult {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
     pub preset: Preset,
-    /// Settings that differ from the preset's, as `--set` takes them.
     pub settings: Vec<String>,
     pub seed: u64,
     /// Name of the map, or of the world if it has none.
@@ -204,14 +200,12 @@ pub struct JobResult {
     pub updates: u64,
     /// Training time, without evaluation.
     pub seconds: f64,
-    /// Oldest first.
     pub evaluations: Vec<EvaluationAt>,
     /// Further measurements at the end, if the job's plan asks for any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
 }
 
-/// An evaluation after a number of updates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationAt {
     pub updates: u64,

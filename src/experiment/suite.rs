@@ -24,7 +24,6 @@ use gdg::printing::eprint_line;
 use gdg::text::counted;
 use gdg::train::{Method, Registry};
 
-/// What to train, and how to report it.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Built-in maps, map files, folders of them, and other worlds.
@@ -32,16 +31,13 @@ pub struct Options {
     pub reading: Reading,
     /// Updates per map; otherwise by its size.
     pub budget: Option<u64>,
-    /// Runs per map, with seeds 1, 2, ...
     pub seeds: u64,
-    /// Evaluation tasks at each distance.
     pub eval_tasks: u32,
     pub methods: Vec<Method>,
     /// Preset, settings file and changes of settings, `[NAME:]SETTING=VALUE`: of all runs, of one
     /// method, or of a variant.
     pub base: RunChoice,
     pub variation: Variation,
-    /// Whether the table is printed as Markdown.
     pub markdown: bool,
     pub running: JobOptions,
 }
@@ -49,16 +45,13 @@ pub struct Options {
 /// Default budgets: maximum number of free cells, and updates.
 const BUDGETS: [(usize, u64); 2] = [(6_000, 60_000), (50_000, 200_000)];
 
-/// Default updates on larger maps.
 const LARGEST_BUDGET: u64 = 600_000;
 
-/// A suite, ready to run.
 pub struct Suite<'a> {
     jobs: Jobs<'a>,
     markdown: bool,
 }
 
-/// Reads all maps and checks all arguments.
 pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<Suite<'a>, Report> {
     let variants = variants(&options.methods, &options.base, &options.variation)?;
     for method in variants.iter().map(|variant| &variant.run.method) {
@@ -143,7 +136,6 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Job
 }
 
 impl Suite<'_> {
-    /// Runs the jobs, prints the table and writes the report; returns the exit status.
     pub fn run(&self) -> Result<u8, Report> {
         let folder = &self.jobs.folder;
         self.jobs.run(|_| {

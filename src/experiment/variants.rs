@@ -9,7 +9,6 @@ use crate::host::setup::{RunChoice, split_prefix};
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
-/// A method with settings of its own.
 pub struct Variant {
     pub name: Option<String>,
     /// What names of jobs say of it.
@@ -35,7 +34,6 @@ pub enum Ablation {
     Ladder,
 }
 
-/// The default's method.
 const METHOD: &str = METHODS[0].name;
 
 /// Two settings of the default changed at once, besides those whose entry has an ablation.
@@ -141,7 +139,6 @@ fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
     Ok(())
 }
 
-/// Returns all combinations of the values of sweeps; without sweeps, one that changes nothing.
 fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
     let mut all = vec![Vec::new()];
     for sweep in sweeps {

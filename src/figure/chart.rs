@@ -93,7 +93,6 @@ pub struct Point {
     pub high: f64,
 }
 
-/// Charts on a page.
 #[derive(Clone, Debug)]
 pub struct Page<'a> {
     /// What they show, for the file's metadata.
@@ -102,7 +101,6 @@ pub struct Page<'a> {
     pub has_heading: bool,
     pub charts: &'a [Chart],
     pub width: f32,
-    /// Charts side by side.
     pub columns: usize,
 }
 
@@ -113,10 +111,8 @@ impl Point {
 }
 
 impl Range {
-    /// Shares, from 0 to 1.
     pub const SHARE: Self = Self { low: 0.0, high: 1.0, log: false };
 
-    /// Returns the range from 0 to the highest of `values`.
     pub fn from_zero(values: impl Iterator<Item = f64>) -> Self {
         let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
         let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
@@ -154,7 +150,6 @@ impl Range {
     }
 }
 
-/// A rectangle: left, top, right and bottom.
 #[derive(Clone, Copy)]
 struct Area {
     left: f32,
@@ -163,7 +158,6 @@ struct Area {
     bottom: f32,
 }
 
-/// A chart at its place.
 struct Placed<'a> {
     chart: &'a Chart,
     area: Area,
@@ -289,7 +283,6 @@ impl Placed<'_> {
         }
     }
 
-    /// Draws bands, curves and markers, the first curve on top.
     fn curves(&self, sheet: &mut Sheet) {
         for Curve { colour, points, .. } in self.chart.curves.iter().rev() {
             if points.iter().any(|point| point.low < point.high) {

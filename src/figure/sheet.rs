@@ -23,7 +23,6 @@ pub enum Mark {
         width: f32,
         colour: Rgb,
     },
-    /// A filled polygon.
     Area {
         points: Vec<[f32; 2]>,
         colour: Rgb,
@@ -32,7 +31,6 @@ pub enum Mark {
     },
     Text(Text),
     Picture {
-        /// Upper left corner.
         at: [f32; 2],
         size: [f32; 2],
         picture: Picture,
@@ -48,7 +46,6 @@ pub struct Text {
     pub colour: Rgb,
     /// Which part of the text is at that point.
     pub anchor: Anchor,
-    /// Whether it runs upwards.
     pub turned: bool,
 }
 
@@ -77,7 +74,6 @@ impl Sheet {
         }
     }
 
-    /// Adds an opaque polygon.
     pub fn area(&mut self, points: Vec<[f32; 2]>, colour: Rgb) {
         self.marks.push(Mark::Area { points, colour, opacity: 1.0 });
     }
@@ -88,7 +84,6 @@ impl Sheet {
     }
 }
 
-/// Returns the corners of a polygon that looks like a circle.
 pub fn circle([x, y]: [f32; 2], radius: f32) -> Vec<[f32; 2]> {
     const CORNERS: u16 = 32;
     let angle = |i| f32::from(i) * std::f32::consts::TAU / f32::from(CORNERS);
@@ -118,7 +113,6 @@ fn glyphs<'a>(face: &'a Face, text: &'a str) -> impl Iterator<Item = (GlyphId, f
     })
 }
 
-/// Returns the outlines of a text, unless it is blank.
 pub fn outline(text: &Text) -> Option<Path> {
     let face = FACE.as_ref()?;
     let scale = text.size / f32::from(face.units_per_em());
@@ -131,7 +125,6 @@ pub fn outline(text: &Text) -> Option<Path> {
     pen.path.finish()
 }
 
-/// Draws glyphs at their places in a text.
 struct Pen<'a> {
     text: &'a Text,
     scale: f32,

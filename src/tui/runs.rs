@@ -56,15 +56,11 @@ const WHEEL: isize = 3;
 /// What the user wishes to see instead of the list: a run, resumed, or two side by side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wish {
-    /// The run's checkpoint.
     pub file: PathBuf,
-    /// That of the other run.
     pub beside: Option<PathBuf>,
-    /// What is said first.
     pub warning: Option<String>,
 }
 
-/// What has been opened.
 pub enum Opened {
     Run(Box<Setup>),
     Comparison(Box<Contestants>),
@@ -73,9 +69,7 @@ pub enum Opened {
 /// Opens what the user wishes, and says how far it is.
 pub type Opener = Arc<dyn Fn(Wish, &Job) -> Result<Opened, Report> + Send + Sync>;
 
-/// The screen.
 pub struct RunsScreen {
-    /// The folders.
     title: String,
     /// What the thread that reads them has found.
     found: watch::Receiver<Arc<Found>>,
@@ -87,7 +81,6 @@ pub struct RunsScreen {
     /// The words that runs must have, and whether they are being typed.
     words: Input,
     is_typing: bool,
-    /// What curves show.
     curves: (Measure, Axis),
     /// A question, and the files that are deleted if the user agrees.
     deletion: Option<(String, BTreeSet<PathBuf>)>,
@@ -190,13 +183,11 @@ impl RunsScreen {
         Ok((screen, opened, status))
     }
 
-    /// Has the folders read at once.
     fn look_again(&self) {
         // A thread that has ended reads nothing any more.
         let _ = self.again.send(());
     }
 
-    /// Shows what has been read.
     fn list(&mut self, found: &Found) {
         self.read = Some(found.read);
         self.list.update(&found.runs);
@@ -222,7 +213,6 @@ fn read(reader: &mut Reader, publish: &watch::Sender<Arc<Found>>) {
     });
 }
 
-/// Keys and the mouse.
 impl RunsScreen {
     fn on_key(&mut self, key: KeyEvent) {
         self.log.dismiss();

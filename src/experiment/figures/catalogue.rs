@@ -6,17 +6,14 @@ use gdg::train::{Method, Preset};
 
 use crate::experiment::plan::{Length, Plan};
 
-/// A method in the figures.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
     /// Its name in data, in names of jobs and in `--set NAME:...`.
     pub name: &'static str,
-    /// Its name in figures.
     pub title: &'static str,
     learner: &'static str,
     planner: Planner,
     pub preset: &'static str,
-    /// Settings that differ from the preset's, as `--set` takes them.
     pub set: &'static [&'static str],
     /// The dataset of OGBench that it learns from instead of acting, in the built-in maze that
     /// this is of, if any.
@@ -180,30 +177,22 @@ impl Budget {
 
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
-    /// Its name on the command line.
     pub name: &'static str,
-    /// What it shows, in a few words.
     pub title: &'static str,
     /// The built-in map or world; `ogbench` if every entry has its own.
     pub world: &'static str,
     pub methods: &'static [Entry],
     pub shows: Shows,
-    /// Whether every method trains with several seeds.
     pub several_seeds: bool,
-    /// The paper's result of each method, by name.
     pub paper: &'static [(&'static str, &'static str)],
 }
 
-/// What a figure draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shows {
     /// A bridge point, the distances to and from it, and the walk along the plan.
     Bridge,
-    /// Success over training.
     Success,
-    /// Success by distance at the end.
     SuccessByDistance,
-    /// Paths walked.
     Paths,
     /// Distance left to the map's goal, over training.
     DistanceLeft,
@@ -354,7 +343,6 @@ impl Figure {
         }
     }
 
-    /// Whether it is one of those named, or of `all` of the paper.
     pub fn is_among(&self, names: &[String]) -> bool {
         names.iter().any(|name| name == self.name || name == "all" && self.is_of_paper())
     }

@@ -7,7 +7,6 @@ use crate::experiment::spec::JobResult;
 use crate::figure::{Chart, Range};
 use gdg::train::{DistanceScore, Evaluation, TaskOutcome};
 
-/// A chart: one measure, with a line for each method.
 pub struct Panel {
     pub labels: [&'static str; 2],
     /// Upper end of the vertical axis, if it is fixed.
@@ -32,7 +31,6 @@ impl Panel {
     }
 }
 
-/// Returns the last value of each seed.
 pub fn last(line: &Line) -> Vec<f64> {
     line.seeds.values().filter_map(|points| Some(points.last()?.1)).collect()
 }

@@ -14,7 +14,6 @@ const MAP_PIXELS: usize = 660;
 
 const FLOOR: Rgb = (150, 154, 160);
 
-/// Widths of a page, and of a figure of one chart.
 const PAGE: f32 = 174.0 * MILLIMETRE;
 const CHART: f32 = 130.0 * MILLIMETRE;
 
@@ -25,15 +24,12 @@ const LETTERS: f32 = 7.0;
 /// The longest side of a map, in points.
 const MAP: f32 = 160.0;
 
-/// A map with what is drawn on it.
 pub struct MapPanel {
     pub title: String,
-    /// Numbers, below the map.
     pub caption: String,
     picture: Picture,
 }
 
-/// Returns a row of maps for each method.
 pub fn rows(figure: &Figure, methods: &[MethodRuns]) -> Vec<Vec<MapPanel>> {
     let Some(map) = builtin(figure.world) else { return Vec::new() };
     let row = |method: &MethodRuns| {

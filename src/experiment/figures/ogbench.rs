@@ -16,7 +16,6 @@ type Success = [Option<u8>; PUBLISHED_METHODS.len()];
 /// arXiv:2410.20092), the others by their authors (arXiv:2510.07257, arXiv:2602.05031).
 pub const PUBLISHED_METHODS: [&str; 6] = ["GCIVL", "QRL", "CRL", "HIQL", "GCIQL + TTGS", "ALPS"];
 
-/// The success of methods on each dataset, by the name of its entry, as published.
 const PUBLISHED: [(&str, Success); 8] = [
     published("medium-navigate", [63, 82, 29, 79], Some(91), None),
     published("large-navigate", [45, 86, 39, 58], Some(88), None),
@@ -41,7 +40,6 @@ pub fn published_on(dataset: &str) -> Option<Success> {
     PUBLISHED.iter().find(|(name, _)| *name == dataset).map(|(_, success)| *success)
 }
 
-/// Returns the file of a dataset in `folder`.
 pub fn find(dataset: &str, folder: &Path) -> Result<JobData, Report> {
     let name = format!("pointmaze-{dataset}-v0.npz");
     let file = folder.join(&name);

@@ -22,18 +22,14 @@ use crate::figure::{Chart, Format, tick};
 use gdg::draw::Rgb;
 use gdg::text::terminal_obeys_escapes;
 
-/// What a figure shows.
 pub struct Drawn {
-    /// Charts, if it shows curves.
     pub panels: Vec<Panel>,
     /// Maps, a row per method.
     pub maps: Vec<Vec<MapPanel>>,
-    /// The charts as text.
     pub text: String,
 }
 
 impl Drawn {
-    /// Draws a figure and writes its data and drawings into `folder`.
     pub fn write(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Result<Self, Report> {
         let name = figure.name;
         let (panels, maps) = (panels(figure, methods), rows(figure, methods));

@@ -10,24 +10,19 @@ use crate::experiment::plot::Line;
 use crate::experiment::report::markdown_table;
 use gdg::text::counted;
 
-/// How the bridge point of Figure 2 is found.
 const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a \
                              bridge point: b with D(s,b) + D(b,g) < D(s,g), among candidates that \
                              are at least a quarter of D(s,g) from either end.";
 
-/// What the numbers of figures over training are.
 const AT_THE_END: &str = "Ours: success rate at the end, all distances.";
 
-/// What Figure 1 compares.
 const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and \
                    mu) and DDPG (which regresses Q on -|s' - g|) converge alike. DDPG + HER with \
                    sparse rewards and GDG with a learned D are our additions.";
 
-/// What the columns of Figure 3 are.
 const RANDOM: &str = " Anywhere: from anywhere to anywhere; as in training: to goals drawn as in \
                       training (`near_goals`), like the 200 tasks of the paper's figure.";
 
-/// How datasets are learned from, and where the numbers of others come from.
 const DATASETS: &str = "in the built-in maze, after learning from a million recorded transitions \
                         alone, on one core. Others: a million updates; GCIVL, QRL, CRL and HIQL \
                         as in OGBench (Park et al., \
@@ -35,7 +30,6 @@ const DATASETS: &str = "in the built-in maze, after learning from a million reco
                         [2510.07257](https://arxiv.org/abs/2510.07257), ALPS as in \
                         [2602.05031](https://arxiv.org/abs/2602.05031).";
 
-/// How the paper's figures were made.
 const OF_PAPER: &str = " Success: the goal reached within 500 steps, with the arm within its episode \
                         of 50; methods that plan are evaluated with planning. Our maps are not the \
                         paper's, whose arrays are not published: the city's diameter is 240 \
@@ -99,7 +93,6 @@ fn run(method: &MethodRuns) -> String {
 /// What a column shows of a method, given its line in the first chart.
 type Show = fn(&MethodRuns, &Line) -> String;
 
-/// Returns the columns that a figure has besides the last values.
 fn columns(figure: &Figure) -> &'static [(&'static str, Show)] {
     match figure.shows {
         Shows::DistanceLeft => {

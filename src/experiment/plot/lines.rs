@@ -88,7 +88,6 @@ pub type Points = Vec<(f64, f64)>;
 
 /// A curve: the points of each seed.
 pub struct Line {
-    /// The chart that it is in.
     pub chart: String,
     pub name: String,
     pub colour: Rgb,
@@ -98,7 +97,6 @@ pub struct Line {
 }
 
 impl Line {
-    /// Returns its means over a range.
     pub fn curve(&self, x: [f64; 2]) -> Curve {
         let points = mean(&self.seeds, x);
         Curve { name: self.name.clone(), colour: self.colour, marker: self.marker, points }
@@ -220,7 +218,6 @@ fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
     places.into_iter().map(at).collect()
 }
 
-/// Returns the value at `x` on the line through `points`.
 fn interpolated(points: &Points, x: f64) -> Option<f64> {
     let next = points.iter().position(|point| point.0 >= x)?;
     let (to, right) = points[next];

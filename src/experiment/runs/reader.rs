@@ -12,7 +12,6 @@ use crate::host::runs::SAVES;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// The runs, and what cannot be read.
     pub runs: Vec<Arc<SavedRun>>,
     /// The file being read, of how many; both are the same at the end.
     pub read: [usize; 2],
@@ -123,7 +122,6 @@ mod tests {
         folder
     }
 
-    /// Reads all; returns what was found, and how many files were read.
     fn read(reader: &mut Reader) -> (Vec<Arc<SavedRun>>, usize) {
         let mut told = 0;
         let found = reader.read(|_, _| {

@@ -43,7 +43,6 @@ pub const MIN_SIZE: (u16, u16) = (60, 18);
 const CURVES_DIVISOR: u16 = 4;
 const CURVES_ROWS: (u16, u16) = (7, 16);
 
-/// Draws everything; returns what can be clicked.
 pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     let area = frame.area();
     let mut layout = ScreenLayout::new(area);
@@ -177,7 +176,6 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     }
 }
 
-/// Returns the facts about a side, the most important first, in lines of at most `width` columns.
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
     let session = &comparison.sessions[own];
     let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.walk);

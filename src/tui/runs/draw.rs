@@ -53,7 +53,6 @@ const MIN_ROWS: usize = 6;
 /// Columns before a row, for its letter.
 const MARGIN: usize = 2;
 
-/// Where the parts of the screen are.
 #[derive(Debug, Default)]
 pub struct Places {
     pub layout: ScreenLayout,
@@ -61,7 +60,6 @@ pub struct Places {
     pub columns: Vec<(Rect, usize)>,
 }
 
-/// Draws everything.
 pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     let area = frame.area();
     let mut places = Places { layout: ScreenLayout::new(area), ..Places::default() };
@@ -106,7 +104,6 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     places
 }
 
-/// Returns the areas of the list, which has `rows` rows, of the curves and of the settings.
 fn panes(body: Rect, rows: usize) -> [Rect; 3] {
     let fill = Constraint::Fill;
     // Two more for title and names.
@@ -119,7 +116,6 @@ fn panes(body: Rect, rows: usize) -> [Rect; 3] {
 /// A run whose curve and settings are shown, with the number of its letter if it is marked.
 type Drawn<'a> = (Option<usize>, &'a SavedRun);
 
-/// Returns the marked runs, and first the selected one.
 fn drawn(list: &List) -> Vec<Drawn<'_>> {
     let is_drawn = |run: &&Arc<SavedRun>| list.mark(run).is_none() && !run.is_damaged();
     let selected = list.selected().filter(is_drawn).map(|run| (None, &**run));
@@ -132,7 +128,6 @@ fn sign(letter: Option<usize>) -> char {
     letter.map_or('>', |letter| char::from(b'A' + letter as u8))
 }
 
-/// Returns the style of a marked run's letter and curve.
 fn style(letter: Option<usize>, theme: &Theme) -> Style {
     letter.map_or(Style::new(), |letter| curves::colour(theme, letter).patch(BOLD))
 }
@@ -154,7 +149,6 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
     frame.render_widget(fitted_line(Line::from(spans), area.width), area);
 }
 
-/// Draws the list below its title and the names of its columns.
 fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Places) {
     let RunsScreen { list, theme, .. } = screen;
     let [title, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
@@ -339,7 +333,6 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
     facts.into_iter().chain(settings).filter(is_told).collect()
 }
 
-/// Draws what the runs differ in, side by side, as far as there is room.
 fn draw_settings(frame: &mut Frame, area: Rect, runs: &[Drawn], theme: &Theme) {
     let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
     let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0).min(MAX_NAME);
@@ -361,7 +354,6 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[Drawn], theme: &Theme) {
     frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
 }
 
-/// Draws a question, a notice, or keys.
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
     if let Some((question, _)) = &screen.deletion {
         let text = Line::styled(format!(" {question}"), BOLD.patch(REVERSED));
