@@ -94,7 +94,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
             "| GDG | reaches the goal |",
             " | reached at the end | environment steps | run |",
             " | 0 of 1 seed | ",
-            "default (ours): D(s, .)",
+            "red: the bridge point b",
         ],
     );
     has_parts(

@@ -135,12 +135,6 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
     assert!(!second.err.contains("begins"), "{}", second.err);
     assert_eq!(place.results("out"), results, "even the times are the same");
 
-    let picture = place.files("out/pictures").remove(0);
-    std::fs::remove_file(place.path("out/pictures").join(&picture)).unwrap();
-    place.run(&args);
-    let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
-    has_parts(&report, &[&format!("(pictures/{picture} is missing: delete")]);
-
     // Other settings make other jobs.
     let listed = place.run(&[&args[..], &["--set", "tau=0.02", "--list"]].concat()).out;
     assert!(listed.lines().all(|line| line.ends_with("not begun")), "{listed}");

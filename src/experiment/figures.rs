@@ -2,10 +2,7 @@
 //! the point mazes of OGBench, each a list of jobs and what is drawn of their results.
 
 mod catalogue;
-mod curves;
-mod maps;
-mod ogbench;
-mod output;
+mod drawn;
 mod report;
 
 use std::collections::BTreeSet;
@@ -21,9 +18,9 @@ use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
 use catalogue::Entry;
 pub use catalogue::{Budget, FIGURES, Figure};
+use drawn::Drawn;
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
-use output::Drawn;
 
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -106,7 +103,8 @@ fn jobs(
             from_config_error(error).wrap_err(problem)
         })?;
     let mut plan = figure.plan(options.budget, entry.name);
-    plan.data = entry.dataset.map(|dataset| ogbench::find(dataset, &options.data)).transpose()?;
+    plan.data =
+        entry.dataset.map(|dataset| catalogue::find_dataset(dataset, &options.data)).transpose()?;
     let lengths = [
         options.updates.map(Length::Updates),
         options.episodes.map(Length::Episodes),

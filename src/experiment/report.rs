@@ -223,13 +223,6 @@ fn section(result: &JobResult, folder: &Folder) -> String {
     let numbers = COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ");
     let (seed, seconds) = (result.seed, result.seconds);
     let text = format!("Seed {seed}: {numbers}; {seconds:.0} s.");
-    if result.fingerprint.is_none() {
-        return text;
-    }
     let (name, picture) = (markdown(&result.name), picture_name(&result.name));
-    if folder.path(&picture).is_file() {
-        return format!("![{name}]({picture})\n\n{text}");
-    }
-    let again = "delete the file of its result and run this again to draw it";
-    format!("({} is missing: {again}.)\n\n{text}", markdown(&picture))
+    if folder.path(&picture).is_file() { format!("![{name}]({picture})\n\n{text}") } else { text }
 }

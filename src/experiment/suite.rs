@@ -111,12 +111,6 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Job
     };
     // Text files beside maps are likely to describe them.
     let (maps, texts) = (ending("map"), ending("txt"));
-    if !maps.is_empty() && !texts.is_empty() {
-        let left_out = counted(texts.len() as u64, ".txt file");
-        eprint_line(&format!(
-            "{folder}: {left_out} left out, as there are .map files: name those that are maps"
-        ));
-    }
     let mut files = if maps.is_empty() { texts } else { maps };
     files.sort();
     if files.is_empty() {

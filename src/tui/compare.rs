@@ -142,22 +142,10 @@ impl Comparison {
         self.log.show(text, false);
     }
 
-    /// Returns the text of the current notice, and the notice: of the comparison, or of its runs.
-    fn notice(&self) -> Option<(String, Notice<'_>)> {
-        let own = self.log.notice().map(|notice| (notice.text.to_owned(), notice));
-        own.or_else(|| {
-            let [a, b] = self.sessions.each_ref().map(|session| session.screen.log.notice());
-            if let (Some(a), Some(b)) = (a, b)
-                && a.text == b.text
-            {
-                return Some((a.text.to_owned(), a));
-            }
-            let said = [a, b]
-                .into_iter()
-                .zip(LETTERS)
-                .filter_map(|(notice, letter)| Some(format!("{letter}: {}", notice?.text)));
-            Some((said.collect::<Vec<_>>().join("; "), a.or(b)?))
-        })
+    /// Returns the current notice: of the comparison, or else of one of its runs.
+    fn notice(&self) -> Option<Notice<'_>> {
+        let [a, b] = self.sessions.each_ref().map(|session| &session.screen.log);
+        [&self.log, a, b].into_iter().find_map(Log::notice)
     }
 
     pub fn mode(&self) -> Mode {

@@ -1,10 +1,8 @@
 //! The report: every figure with the paper's results beside ours, in Markdown.
 
 use super::MethodRuns;
-use super::catalogue::{Budget, Figure, Shows};
-use super::curves::{Panel, last};
-use super::ogbench::{PUBLISHED_METHODS, published_on};
-use super::output::Drawn;
+use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
+use super::drawn::{Drawn, Panel, last};
 use crate::experiment::measure::{Measured, RandomTasks};
 use crate::experiment::plot::Line;
 use crate::experiment::report::markdown_table;
@@ -13,6 +11,9 @@ use gdg::text::counted;
 const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a \
                              bridge point: b with D(s,b) + D(b,g) < D(s,g), among candidates that \
                              are at least a quarter of D(s,g) from either end.";
+
+const MAPS: &str = "Blue: the start s; orange: the goal g; red: the bridge point b and the plan; \
+                    white: the walk.\n";
 
 const AT_THE_END: &str = "Ours: success rate at the end, all distances.";
 
@@ -58,7 +59,8 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
 pub fn section(figure: &Figure, methods: &[MethodRuns], drawn: &Drawn) -> String {
     let (name, title) = (figure.name, figure.title);
     let shown = match figure.shows {
-        Shows::Bridge | Shows::Paths => maps_table(figure, drawn),
+        Shows::Bridge => format!("{BRIDGE_SEARCH} {MAPS}"),
+        Shows::Paths => MAPS.to_owned(),
         _ => table(figure, methods, &drawn.panels),
     };
     format!(
@@ -174,17 +176,4 @@ fn reached_at_the_end(_: &MethodRuns, line: &Line) -> String {
     let left = last(line);
     let reached = left.iter().filter(|left| **left == 0.0).count();
     format!("{reached} of {}", counted(left.len() as u64, "seed"))
-}
-
-fn maps_table(figure: &Figure, drawn: &Drawn) -> String {
-    let rows = drawn.maps.iter().flatten();
-    let rows = rows.map(|panel| vec![panel.title.clone(), panel.caption.clone()]);
-    let head = vec!["map".to_owned(), String::new()];
-    let rows: Vec<Vec<String>> = std::iter::once(head).chain(rows).collect();
-    let table = markdown_table("ll", &rows);
-    let about = if figure.shows == Shows::Bridge { BRIDGE_SEARCH } else { "" };
-    format!(
-        "{about} Blue: the start s; orange: the goal g; red: the bridge point b and the plan; white: \
-         the walk.\n\n{table}"
-    )
 }

@@ -85,10 +85,10 @@ pub fn prepare(
                     format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
                 Ok(Contestant { trainer, title, is_paused: true })
             }
-            (contender, _) => {
-                let method = contender.method().unwrap_or_default();
-                begin(&method, letter, beside.as_ref(), options, registry)
+            (Contender::Method(method), _) => {
+                begin(method, letter, beside.as_ref(), options, registry)
             }
+            (Contender::Checkpoint(path), None) => Err(without_map(path)),
         }
     };
     let [a, b] = saved;
@@ -149,10 +149,6 @@ fn check_same(a: &Grid, b: &Grid) -> Result<(), Report> {
 impl Contender {
     fn checkpoint(&self) -> Option<&Path> {
         if let Self::Checkpoint(path) = self { Some(path) } else { None }
-    }
-
-    fn method(&self) -> Option<Method> {
-        if let Self::Method(method) = self { Some(method.clone()) } else { None }
     }
 }
 
