@@ -21,7 +21,6 @@ use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
 use gdg::map::{Grid, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
-use gdg::text::counted;
 use gdg::train::{Method, Registry};
 
 #[derive(Clone, Debug)]
