@@ -2,7 +2,6 @@
 //! an inch; no font of the system is needed.
 
 mod chart;
-mod encode;
 mod sheet;
 
 use std::path::Path;
@@ -55,9 +54,9 @@ impl Format {
 
     pub fn encode(self, sheet: &Sheet) -> Result<Vec<u8>, Report> {
         match self {
-            Self::Svg => encode::svg(sheet).map(String::into_bytes),
-            Self::Png => encode::png(sheet),
-            Self::Pdf => Ok(encode::pdf(sheet)),
+            Self::Svg => sheet::svg(sheet).map(String::into_bytes),
+            Self::Png => sheet::png(sheet),
+            Self::Pdf => Ok(sheet::pdf(sheet)),
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
-mod join;
 mod reader;
 mod records;
 

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use super::join::{join, whole};
+use super::records::{join, whole};
 use super::{SavedRun, file, files_of};
 use crate::host::runs::SAVES;
 
