@@ -208,7 +208,7 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
     for (name, bytes) in place.files("whole/jobs") {
         let result: Value = serde_json::from_slice(&bytes).unwrap();
         assert_eq!(
-            (&result["map"], &result["measured"]["env_steps"]),
+            (&result["map"], &result["evaluations"][74]["env_steps"]),
             (&"fetch-reach".into(), &600.into()),
             "{name}"
         );

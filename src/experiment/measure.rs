@@ -29,9 +29,6 @@ const MIDDLE_SHARE: f32 = 0.25;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// Environment steps, summed over all agents.
-    pub env_steps: u64,
-    pub episodes: u64,
     /// Walks, one per requested distance.
     pub walks: Vec<Walked>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -105,14 +102,7 @@ pub fn measure(
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
     let random = plan.random_tasks.map(|count| random_tasks(trainer, &job, count)).transpose();
     let random = random.into_diagnostic()?;
-    let counters = trainer.counters();
-    Ok(Some(Measured {
-        env_steps: counters.env_steps,
-        episodes: counters.episodes,
-        walks,
-        bridge,
-        random,
-    }))
+    Ok(Some(Measured { walks, bridge, random }))
 }
 
 fn random_tasks(

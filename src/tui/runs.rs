@@ -214,6 +214,11 @@ fn read(reader: &mut Reader, publish: &watch::Sender<Arc<Found>>) {
 }
 
 impl RunsScreen {
+    /// Shows the problem, if there is one.
+    fn tell<T>(&mut self, done: Result<T, String>) -> Option<T> {
+        done.map_err(|problem| self.log.show(&problem, true)).ok()
+    }
+
     fn on_key(&mut self, key: KeyEvent) {
         self.log.dismiss();
         let action = self.keymap.action(key, Mode::Listing);
@@ -224,9 +229,9 @@ impl RunsScreen {
         } else if let Some((_, files)) = self.deletion.take() {
             if matches!(key.code, KeyCode::Char('y' | 'Y')) {
                 self.list.clear_marks();
-                let deleted = delete(&files);
-                let is_error = deleted.is_err();
-                self.log.show(&deleted.unwrap_or_else(|problem| problem), is_error);
+                if let Some(done) = self.tell(delete(&files)) {
+                    self.log.show(&done, false);
+                }
                 self.look_again();
             }
         } else if self.is_typing {
@@ -253,10 +258,7 @@ impl RunsScreen {
     fn on_key_in_words(&mut self, key: KeyEvent) {
         match key.code {
             KeyCode::Enter => self.is_typing = false,
-            KeyCode::Esc => {
-                self.is_typing = false;
-                self.words.reset();
-            }
+            KeyCode::Esc => (self.is_typing, self.words) = (false, Input::default()),
             KeyCode::Up => self.list.step(-1),
             KeyCode::Down => self.list.step(1),
             _ => drop(self.words.handle_event(&Event::Key(key))),
@@ -291,19 +293,9 @@ impl RunsScreen {
             ListAction::Reverse => self.list.sort_by(self.list.order.0),
             ListAction::Measure => self.curves.0 = measure.next(),
             ListAction::Axis => self.curves.1 = axis.next(),
-            ListAction::Resume => self.wish(self.list.to_resume()),
-            ListAction::Compare => self.wish(self.list.to_compare()),
-            ListAction::Delete => match self.list.to_delete() {
-                Ok(deletion) => self.deletion = Some(deletion),
-                Err(problem) => self.log.show(&problem, true),
-            },
-        }
-    }
-
-    fn wish(&mut self, wish: Result<Wish, String>) {
-        match wish {
-            Ok(wish) => self.wish = Some(wish),
-            Err(problem) => self.log.show(&problem, true),
+            ListAction::Resume => self.wish = self.tell(self.list.to_resume()),
+            ListAction::Compare => self.wish = self.tell(self.list.to_compare()),
+            ListAction::Delete => self.deletion = self.tell(self.list.to_delete()),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::MethodRuns;
 use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use super::drawn::{Drawn, Panel, last};
-use crate::experiment::measure::{Measured, RandomTasks};
+use crate::experiment::measure::RandomTasks;
 use crate::experiment::plot::Line;
 use crate::experiment::report::markdown_table;
 use gdg::text::counted;
@@ -159,16 +159,14 @@ fn table(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> String {
     format!("{about}\n\n{}", markdown_table(&alignment, &rows))
 }
 
-fn measured(method: &MethodRuns) -> impl Iterator<Item = &Measured> {
-    method.results.iter().filter_map(|result| result.measured.as_ref())
-}
-
 fn steps(method: &MethodRuns, _: &Line) -> String {
-    measured(method).map(|measured| measured.env_steps).max().unwrap_or(0).to_string()
+    let last = method.results.iter().filter_map(|result| result.evaluations.last());
+    last.map(|at| at.env_steps).max().unwrap_or(0).to_string()
 }
 
 fn random(method: &MethodRuns, of: fn(&RandomTasks) -> f64) -> String {
-    let values = measured(method).filter_map(|measured| measured.random.as_ref().map(of));
+    let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
+    let values = measured.filter_map(|measured| measured.random.as_ref().map(of));
     numbers(&values.collect::<Vec<f64>>(), 3)
 }
 
