@@ -366,9 +366,9 @@ mod tests {
         let tasks = |tasks: &str| json!({"map": {"name": "hall", "scenario": tasks}});
         let size = |size: &str| json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
         for ([one, other], names) in [
-            ([data(1), data(2)], ["her, data=00000001", "her, data=00000002"]),
-            ([data(1), json!({})], ["her, data=00000001", "her"]),
-            ([tasks("a"), tasks("b")], ["her, scenario=a", "her, scenario=b"]),
+            ([data(1), data(2)], ["data=00000001", "data=00000002"]),
+            ([data(1), json!({})], ["data=00000001", "her"]),
+            ([tasks("a"), tasks("b")], ["scenario=a", "scenario=b"]),
             ([size("11 x 7"), size("21 x 21")], ["hall (11 x 7)", "hall (21 x 21)"]),
         ] {
             let files = [
