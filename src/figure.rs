@@ -38,20 +38,6 @@ impl Format {
         Self::ALL.into_iter().find(|format| gdg::files::has_extension(path, format.extension()))
     }
 
-    /// Returns whether these bytes are a file in this format that [`Self::encode`] has made.
-    pub fn wrote(self, bytes: &[u8]) -> bool {
-        let has = |start: &[u8], mark: &[u8], within: usize| {
-            let head = &bytes[..bytes.len().min(within)];
-            bytes.starts_with(start) && head.windows(mark.len()).any(|part| part == mark)
-        };
-        match self {
-            // Near the beginning: pictures of other programs may contain ours.
-            Self::Svg => has(b"<svg", b"<!-- gdg-tui -->", 4096),
-            Self::Png => has(b"\x89PNG", b"tEXtSoftware\0gdg-tui plot", 256),
-            Self::Pdf => has(b"%PDF", b"/Producer (gdg-tui)", usize::MAX),
-        }
-    }
-
     pub fn encode(self, sheet: &Sheet) -> Result<Vec<u8>, Report> {
         match self {
             Self::Svg => sheet::svg(sheet).map(String::into_bytes),
@@ -70,16 +56,6 @@ mod tests {
             Sheet { size: [40.0, 20.0], title: "a figure".to_owned(), marks: Vec::new() };
         sheet.text([2.0, 10.0], text, 7.0, Anchor::Start, (0, 0, 0));
         sheet
-    }
-
-    #[test]
-    fn files_are_known_as_ours_by_a_mark() {
-        for format in Format::ALL {
-            let file = format.encode(&sheet("hall")).expect("a file");
-            assert!(format.wrote(&file), "{format:?}");
-            let foreign = [&b"<?xml?>"[..], &file].concat();
-            assert!(!format.wrote(&foreign) && !format.wrote(b""), "{format:?}");
-        }
     }
 
     #[test]

@@ -24,8 +24,8 @@ pub const PAGE: f32 = 174.0 * MILLIMETRE;
 
 const TABLE: &str = "chart,curve,seed,";
 
-/// Largest figure that is recognised as one of this program.
-const MOST_OF_A_FIGURE: u64 = 64 << 20;
+/// Largest table that is recognised as one of this program.
+const MOST_OF_A_TABLE: u64 = 64 << 20;
 
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
@@ -265,8 +265,10 @@ pub fn run(options: &Options) -> Result<String, Report> {
     };
     let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
     let table = out[0].with_extension("csv");
+    // A figure beside such a table is one of this program.
+    let is_own = read(&table, MOST_OF_A_TABLE).is_ok_and(|own| own.starts_with(TABLE.as_bytes()));
     for path in out.iter().chain([&table]) {
-        refuse_existing(path, options.overwrite || is_own(path))?;
+        refuse_existing(path, options.overwrite || is_own)?;
     }
     let reading = Waiting::on("reading the runs");
     let (runs, mut notes) = runs::runs(&options.runs, &reading)?;
@@ -284,11 +286,6 @@ pub fn run(options: &Options) -> Result<String, Report> {
         lines += &write(path, &figure)?;
     }
     Ok(lines + &write(&table, &drawn.table)?)
-}
-
-fn is_own(path: &Path) -> bool {
-    let Ok(bytes) = read(path, MOST_OF_A_FIGURE) else { return false };
-    Format::of(path).map_or(bytes.starts_with(TABLE.as_bytes()), |format| format.wrote(&bytes))
 }
 
 fn beside(path: &Path, name: &str) -> PathBuf {
