@@ -2,8 +2,7 @@
 //!
 //! ```text
 //! +----------------------------------------------+
-//! | folders, what is being read                  |  header
-//! | 12 of 34 runs, words                         |
+//! | folders, 12 of 34 runs, words                |  header
 //! |   map method seed updates success ... file   |  list
 //! | A ...                                        |
 //! |------------------------------+---------------|
@@ -71,8 +70,8 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
             .areas(area);
     let [list, curves, settings] = panes(body, screen.list.all().len());
-    header(frame, head, screen);
     draw_list(frame, list, screen, &mut places);
+    header(frame, head, screen, places.layout.rows);
     let within = |frame: &mut Frame, area: Rect, borders| {
         let block = Block::new().borders(borders);
         let inner = block.inner(area);
@@ -106,8 +105,8 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
 
 fn panes(body: Rect, rows: usize) -> [Rect; 3] {
     let fill = Constraint::Fill;
-    // Two more for title and names.
-    let rows = u16::try_from(rows.max(MIN_ROWS) + 2).unwrap_or(u16::MAX).min(body.height / 2);
+    // One more for names.
+    let rows = u16::try_from(rows.max(MIN_ROWS) + 1).unwrap_or(u16::MAX).min(body.height / 2);
     let [list, rest] = Layout::vertical([Constraint::Length(rows), fill(1)]).areas(body);
     let [curves, settings] = Layout::horizontal([fill(3), fill(2)]).areas(rest);
     [list, curves, settings]
@@ -132,18 +131,32 @@ fn style(letter: Option<usize>, theme: &Theme) -> Style {
     letter.map_or(Style::new(), |letter| curves::colour(theme, letter).patch(BOLD))
 }
 
-fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
+/// Draws how many runs are listed, the words that they must have, and the rows in view.
+fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Rect, usize)) {
+    let RunsScreen { list, words, is_typing, .. } = screen;
+    let is_run = |run: &&Arc<SavedRun>| !run.is_damaged();
+    let [shown, all] =
+        [list.shown().filter(is_run).count(), list.all().iter().filter(is_run).count()];
+    let of = if shown == all { String::new() } else { format!("{shown} of ") };
     let mut spans = vec![
         Span::styled(" gdg-tui runs ", BOLD.patch(REVERSED)),
         Span::styled(format!(" {} ", screen.title), BOLD),
+        Span::raw(format!(" {of}{} ", counted(all as u64, "run"))),
     ];
+    if *is_typing || !words.value().is_empty() {
+        let cursor = if *is_typing { "_" } else { "" };
+        spans.push(Span::raw(format!(" with words: {}{cursor} ", words.value())));
+    }
     if let Some([read, all]) = screen.read.filter(|[read, all]| read < all) {
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }
-    let damaged = screen.list.all().iter().filter(|run| run.is_damaged()).count();
-    if damaged > 0 {
-        let count = counted(damaged as u64, "file");
-        let text = format!(" {count} cannot be read, see the end of the list ");
+    let rows = list.shown().len();
+    if rows > usize::from(view.height) {
+        let last = rows.min(first + usize::from(view.height));
+        spans.push(Span::raw(format!(" {} to {last} of {rows} ", first + 1)));
+    }
+    if list.all().len() > all {
+        let text = format!(" {} cannot be read ", counted((list.all().len() - all) as u64, "file"));
         spans.push(Span::styled(text, screen.theme.failure()));
     }
     frame.render_widget(fitted_line(Line::from(spans), area.width), area);
@@ -151,8 +164,7 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
 
 fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Places) {
     let RunsScreen { list, theme, .. } = screen;
-    let [title, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(body);
+    let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     let columns = columns(list, usize::from(area.width));
     let widths = columns.iter().map(|(_, width)| Constraint::Length(*width as u16));
     let widths: Vec<Constraint> =
@@ -182,9 +194,7 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
             [Line::styled(sign, style(letter, theme))].into_iter().chain(cells).collect();
         if i == position { row.style(REVERSED) } else { row }
     });
-    let shown: Vec<Row> = shown.collect();
-    let last = first + shown.len();
-    frame.render_widget(Table::new(shown, widths).header(head), body);
+    frame.render_widget(Table::new(shown, widths).header(head), area);
     for (run, area) in list.shown().skip(first).zip(rows.rows()) {
         if let Some(problem) = run.problem.as_ref().filter(|_| run.is_damaged()) {
             let text = Line::styled(format!("   {}{problem}", name(&run.source)), DIM);
@@ -197,27 +207,6 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
         let text = Line::styled(if is_read { none } else { "   reading ..." }, DIM);
         frame.render_widget(text, rows);
     }
-    frame.render_widget(list_title(screen, [first + 1, last]), title);
-}
-
-/// Returns the line that says how many runs are listed, the words that they must have, and the
-/// first and the last row in view.
-fn list_title(screen: &RunsScreen, [first, last]: [usize; 2]) -> Block<'static> {
-    let RunsScreen { list, words, is_typing, .. } = screen;
-    let shown = list.shown().filter(|run| !run.is_damaged()).count() as u64;
-    let all = list.all().iter().filter(|run| !run.is_damaged()).count() as u64;
-    let of = if shown == all { String::new() } else { format!("{shown} of ") };
-    let mut title = vec![Span::styled(format!(" {of}{} ", counted(all, "run")), BOLD)];
-    if *is_typing || !words.value().is_empty() {
-        let cursor = if *is_typing { "_" } else { "" };
-        title.push(Span::raw(format!(" with words: {}{cursor} ", words.value())));
-    }
-    let block = Block::new().borders(Borders::TOP).title(Line::from(title));
-    let rows = list.shown().len();
-    if first == 1 && last >= rows {
-        return block;
-    }
-    block.title(Line::raw(format!(" {first} to {last} of {rows} ")).right_aligned())
 }
 
 /// Returns the columns that there is room for, and their widths: wide enough for every run, but for
