@@ -3,11 +3,12 @@
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use parking_lot::Mutex;
 
@@ -19,8 +20,10 @@ use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
 
 use crate::host::report::print_error;
-use crate::host::setup::{begin, learn_from};
+use crate::host::runs::SAVES;
+use crate::host::setup::{begin, learn_from, parallel_jobs};
 use crate::host::signals::TerminationSignal;
+use crate::host::values::{counts, output, shares};
 use crate::host::waiting::duration;
 use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::files::check_writable;
@@ -33,18 +36,36 @@ use gdg::train::{
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
 
-#[derive(Clone, Debug)]
+/// Which jobs run, how, and where.
+#[derive(Clone, Debug, Args)]
 pub struct JobOptions {
-    pub out: PathBuf,
-    /// Jobs at the same time.
-    pub parallel: usize,
-    /// Whether to print the jobs instead.
+    /// Folder for jobs, their checkpoints, results and the report [default: saves/ and the command]
+    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    pub out: Option<PathBuf>,
+
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this
+    /// machine's cores]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
+    pub jobs: Option<u16>,
+
+    /// Print one line per job, its name first, and exit
+    #[arg(long, conflicts_with_all = ["job", "collect"])]
     pub list: bool,
-    /// Names or numbers of the only jobs to run.
+
+    /// Run only this job, by its name or by its line in --list (repeatable), and report nothing
+    #[arg(long, value_name = "NAME|N", conflicts_with = "collect")]
     pub job: Vec<String>,
-    /// Whether to report from finished jobs without running any.
+
+    /// Run nothing: report from the jobs that are done
+    #[arg(long)]
     pub collect: bool,
-    pub keep: bool,
+
+    /// Remove the checkpoints of finished jobs, which --resume needs
+    #[arg(long)]
+    pub no_keep: bool,
+
+    /// Exit with status 3 unless every run's final success rate is at least X
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 }
 
@@ -57,16 +78,18 @@ pub struct Jobs<'a> {
 }
 
 impl<'a> Jobs<'a> {
-    /// Takes `jobs`, the same of which may be given several times. Checks that those named exist,
-    /// and that results can be written.
+    /// Takes the jobs of a command, the same of which may be given several times. Checks that those
+    /// named exist, and that results can be written.
     pub fn new(
+        command: &str,
         jobs: impl IntoIterator<Item = JobSpec>,
         options: &'a JobOptions,
         registry: &'a Arc<Registry>,
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let jobs = Self { all, folder: Folder(options.out.clone()), registry, options };
+        let out = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
+        let jobs = Self { all, folder: Folder(out), registry, options };
         jobs.chosen()?;
         if options.collect {
             jobs.folder.check_has_jobs()?;
@@ -234,7 +257,7 @@ impl Jobs<'_> {
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
         let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
         let runner = Runner { all: self, termination, open, progress };
-        let ends = runner.run(options.parallel);
+        let ends = runner.run(parallel_jobs(options.jobs));
         let named = |wanted: End| {
             let found = runner.open.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
             found.map(|(job, _)| &*job.name).collect::<Vec<_>>()
@@ -357,7 +380,7 @@ impl Runner<'_> {
     ) -> Result<End, Report> {
         let job = self.open[i];
         let is_whole = self.train(i, trainer, saver)?;
-        if !is_whole || self.all.options.keep {
+        if !is_whole || !self.all.options.no_keep {
             saver.save(trainer)?;
         }
         if !is_whole {
@@ -370,7 +393,7 @@ impl Runner<'_> {
             job,
             &job.result(trainer, measured),
             picture.as_deref(),
-            self.all.options.keep,
+            !self.all.options.no_keep,
         )?;
         Ok(End::Done)
     }

@@ -16,16 +16,6 @@ pub struct Variant {
     pub run: RunChoice,
 }
 
-/// What is trained besides the methods as they are.
-#[derive(Clone, Debug)]
-pub enum Variation {
-    /// Every value of every `NAME=VALUE,VALUE`, instead of the methods as they are: all
-    /// combinations.
-    Sweep(Vec<String>),
-    /// These variants of the default method, whatever methods are named.
-    Ablation(Ablation),
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Ablation {
     /// The default, the default without each of its components, and with other methods
@@ -86,16 +76,13 @@ fn label(method: &str, name: Option<&str>, swept: &[String]) -> String {
 }
 
 /// Returns every method as it is and with the settings of each variant that `set`,
-/// `[NAME:]SETTING=VALUE`, names, or what `variation` makes of them.
+/// `[NAME:]SETTING=VALUE`, names; with every value of every sweep instead, if there are any.
 pub fn variants(
     methods: &[Method],
     base: &RunChoice,
-    variation: &Variation,
+    sweeps: &[String],
 ) -> Result<Vec<Variant>, Report> {
-    let sweeps = match variation {
-        Variation::Ablation(ablation) => return Ok(ablation.variants(base)),
-        Variation::Sweep(sweeps) => combinations(sweeps)?,
-    };
+    let sweeps = combinations(sweeps)?;
     let own: Vec<String> = methods.iter().map(Method::name).collect();
     let mut names: Vec<Option<&str>> = vec![None];
     for name in base.set.iter().filter_map(|text| split_prefix(text).0) {
@@ -162,7 +149,7 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
 
 impl Ablation {
     /// Returns its variants in the order of the table, each on top of the settings of `base`.
-    fn variants(self, base: &RunChoice) -> Vec<Variant> {
+    pub fn variants(self, base: &RunChoice) -> Vec<Variant> {
         let variant = |name: &str, method: &str, preset, set: &[String]| {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
@@ -229,8 +216,8 @@ mod tests {
     #[test]
     fn sweeps_are_all_combinations_and_nothing_else() {
         let of = |sweeps: &[&str]| {
-            let sweeps = sweeps.iter().map(|text| (*text).to_owned()).collect();
-            let all = variants(&[Method::default()], &base("tau=0.1"), &Variation::Sweep(sweeps));
+            let sweeps: Vec<String> = sweeps.iter().map(|text| (*text).to_owned()).collect();
+            let all = variants(&[Method::default()], &base("tau=0.1"), &sweeps);
             let all = all.map_err(|error| error.to_string())?;
             Ok::<_, String>(
                 all.iter().map(|variant| variant.run.set[1..].join(" ")).collect::<Vec<_>>(),
