@@ -396,5 +396,5 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
 fn a_dataset_that_is_not_there_is_named() {
     let refused = Place::new().run(&["ogbench", "--data-dir", "sets", "--list"]);
     assert_eq!(refused.status, Some(2), "{}", refused.err);
-    has_parts(&refused.err, &["pointmaze-medium-navigate-v0.npz", "python/collect_ogbench.py"]);
+    has_parts(&refused.err, &["pointmaze-medium-navigate-v0.npz", "collect_ogbench.py writes it"]);
 }
