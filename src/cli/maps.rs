@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 
-use super::values::{counts, output, reals};
+use crate::host::values::{counts, output, reals};
 use gdg::map::{FORMATS, MapFormat, MapScale, RANDOM_SIZES, RandomMapKind, Reading};
 
 /// The option for maps that are images.

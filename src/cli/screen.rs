@@ -9,8 +9,8 @@ use clap::{Arg, Args};
 use log::LevelFilter;
 
 use super::MapArgs;
-use super::values::{MethodParser, counts, log_levels, parse_threads};
 use crate::host::runs::SAVES;
+use crate::host::values::{MethodParser, counts, log_levels, parse_threads};
 use crate::tui::{ComparisonOptions, Contender, InterfaceOptions, Marker};
 use gdg::files::has_extension;
 use gdg::learn::Threads;

@@ -9,15 +9,15 @@ use log::LevelFilter;
 use super::MapArgs;
 use super::maps::{GOAL_RADIUS, given};
 use super::screen::InterfaceArgs;
-use super::values::{
-    EditAt, MethodParser, counts, edits, log_levels, methods_help, output, parse_threads,
-    preset_parser, reals, shares,
-};
 use crate::headless;
 use crate::host::setup::RunChoice;
+use crate::host::values::{
+    BaseArgs, EditAt, MethodParser, counts, edits, log_levels, methods_help, output, parse_threads,
+    reals, shares,
+};
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
-use gdg::train::{METHODS, Method, Preset};
+use gdg::train::{METHODS, Method};
 
 /// The map to train on unless another is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -175,18 +175,6 @@ pub struct RunArgs {
     /// Change one setting (repeatable)
     #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
-}
-
-/// What the settings of a run are based on.
-#[derive(Clone, Debug, Args)]
-pub struct BaseArgs {
-    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
-    #[arg(long, value_parser = preset_parser())]
-    pub preset: Option<Preset>,
-
-    /// Settings file: a JSON object as printed by --print-config
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
 }
 
 impl RunArgs {

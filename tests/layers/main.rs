@@ -34,12 +34,12 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
-    ("host", 1_300),
-    ("figure", 1_100),
+    ("host", 1_500),
+    ("figure", 900),
     ("headless", 900),
-    ("experiment", 5_600),
+    ("experiment", 5_200),
     ("tui", 24_700),
-    ("cli", 1_200),
+    ("cli", 800),
     ("commands", 1_050),
 ];
 

@@ -56,7 +56,7 @@ impl Series {
         let run = screen.under.as_deref()?;
         let axis = axis(screen);
         let points = run.evaluations.iter();
-        let points = points.filter_map(|at| Some((axis.of(at)?, value(&at.evaluation)?)));
+        let points = points.filter_map(|at| Some((axis.of(at), value(&at.evaluation)?)));
         let name = run.source.file_stem().unwrap_or_default().to_string_lossy();
         Some(Self { is_under: true, ..Self::joined(&sanitized(&name), points) })
     }
@@ -350,7 +350,8 @@ fn mark_names(marks: &[(f64, String)], width: usize) -> String {
 
 /// Returns the range of updates shown: all, also those of the run below, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
-    let under = screen.under.as_ref().and_then(|run| axis(screen).of(run.evaluations.last()?));
+    let under =
+        screen.under.as_ref().and_then(|run| Some(axis(screen).of(run.evaluations.last()?)));
     let last = along(screen, screen.snapshot.counters.updates).max(under.unwrap_or(1.0)).max(1.0);
     let page = PAGE_SHARE * last;
     match screen.scrolled {

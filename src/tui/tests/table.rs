@@ -153,7 +153,7 @@ const ROWS: &[Row] = &[
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
     (Both, TINY, "", &["needs 60 x 18 characters"], &[]),
-    (Both, LARGE, "?", &["Only maps are saved"], &[]),
+    (Both, LARGE, "?", &["maps are saved"], &[]),
     (Both, LARGE, "o", &["not in a comparison"], &[]),
     (Both, LARGE, "ov", &[], &["not in a comparison"]),
     (Both, LARGE, ":save a checkpoint{enter}", &["not in a comparison: save a checkpoint"], &[]),
@@ -170,7 +170,7 @@ const ROWS: &[Row] = &[
     (List, LARGE, " j {esc}", &[], &["  A "]),
     (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
     (List, LARGE, "{end}{up} ", &["  A fourrooms ", " 4,000 "], &[]),
-    (List, LARGE, "{end}{up} x", &["over environment steps", "not known"], &[]),
+    (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
     (List, LARGE, "{end}{up} xxv", &["success rate without plans over seconds"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
     (List, LARGE, "c", &["mark two runs"], &[]),
