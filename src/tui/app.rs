@@ -22,7 +22,6 @@ pub enum Base {
     Comparison(Box<Comparison>),
 }
 
-/// The application.
 pub struct App {
     pub base: Base,
     /// Whether the press of the mouse button that is down has had its effect, so that dragging on

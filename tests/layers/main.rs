@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 1_100),
     ("headless", 900),
     ("experiment", 5_600),
-    ("tui", 24_700),
+    ("tui", 21_550),
     ("cli", 1_200),
     ("commands", 1_050),
 ];

@@ -12,7 +12,7 @@ use gdg::viewer::View;
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let world = PointMaze::new(Arc::new(rooms()), 0);
-    seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
+    trainer_in(&world, method.parse().expect("a method"), seed)
 }
 
 impl App {
@@ -83,7 +83,7 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         }
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
-        view.goal.1 = app.link.goal_request();
+        view.goal.1 = app.link.goal_request;
         view.walk.arrived = side == 0;
         let snapshot = app.screen.latest.clone();
         comparison.follow(side, &snapshot, &View::Maze(Arc::new(view)));
@@ -249,7 +249,7 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
 fn what_cannot_stand_beside_a_saved_run_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let save = |world: &dyn Environment, name: &str| {
-        let trainer = trainer_in(world, gdg(), &Registry::builtin());
+        let trainer = trainer_in(world, gdg(), 1);
         let to = SaveTo::CreateNew(folder.path().join(name));
         Contender::Checkpoint(train::save(&trainer, &to).expect("a file"))
     };
