@@ -84,7 +84,7 @@ pub use keymap::Keymap;
 pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use runs::{Opened, Opener, RunsScreen};
-use session::{Session, files};
+use session::Session;
 use terminal::Stage;
 
 pub struct InterfaceOptions {
@@ -144,11 +144,9 @@ pub fn run(setup: Setup, interface: &mut PreparedInterface) -> Result<(u8, Strin
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let is_new = resumed.is_none();
-    let search = is_new.then(|| files::search(trainer.world().title().to_owned()));
     // What is to be saved elsewhere is not saved yet.
     let resumed = resumed.filter(|_| save.is_none());
     interface.show(trainer, limits, resumed, save, |session| {
-        session.search = search;
         session.screen.explains = is_new;
         warnings.iter().for_each(|warning| session.screen.notify(warning));
     })

@@ -59,8 +59,6 @@ pub enum Action {
     SaveAs,
     Load,
     Export,
-    Compare,
-    Tour,
     NextTourStep,
     EndTour,
     Palette,

@@ -186,7 +186,7 @@ impl Interface for App {
             Event::Key(key) if !key.is_release() => self.on_key(*key),
             _ => {}
         }
-        self.sessions_mut().iter_mut().for_each(Session::end_event);
+        self.sessions_mut().iter_mut().for_each(Session::thaw);
     }
 
     fn on_tick(&mut self) -> bool {

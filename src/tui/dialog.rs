@@ -42,7 +42,6 @@ pub enum Question {
     Setting(String),
     SaveAs,
     SaveMap,
-    Seed,
 }
 
 /// A question and the answer typed so far.

@@ -97,8 +97,6 @@ pub struct Session {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<View>,
     pub saver: Saver,
-    /// Looks for a saved run.
-    pub search: Option<Running<Show>>,
     pub guide: Guide,
     /// What the terminal has been asked to do.
     pub terminal_request: Option<TerminalRequest>,
@@ -147,7 +145,6 @@ impl Session {
             snapshots,
             views,
             saver: Saver::new(save, config.autosave_minutes),
-            search: None,
             guide: Guide::default(),
             terminal_request: None,
             cache: Cache::with_pictures(),
@@ -191,10 +188,6 @@ impl Session {
         }
     }
 
-    pub fn end_event(&mut self) {
-        self.thaw();
-    }
-
     pub fn mode(&self) -> Mode {
         self.scene.mode(&self.screen)
     }
@@ -228,10 +221,6 @@ impl Session {
         let (title, other) = (self.scene.title(&self.screen.snapshot), self.scene.other_noun());
         let text = format!("{title} has no {other}, which \"{}\" is for", binding.name);
         self.screen.notify(&text);
-    }
-
-    pub fn act_in_scene(&mut self, action: Action) {
-        self.cx.act_in_scene(action);
     }
 
     /// Performs an action on the goal, after which nobody needs a hint how to set it.
@@ -302,17 +291,14 @@ impl Session {
 
     /// Handles the passing of time; returns whether the screen changes.
     pub fn on_tick(&mut self) -> bool {
-        let Self { cx, saver, search, guide, .. } = self;
+        let Self { cx, saver, guide, .. } = self;
         saver.on_tick(cx);
-        let found = search.take_if(|search| search.is_finished());
-        let is_found = found.is_some();
-        found.into_iter().for_each(|found| files::show(cx, found));
         let dropped = cx.screen.drop_old_banner();
         let tour_changed = guide.on_tick(cx);
         let log_changed = cx.screen.log.on_tick();
         let read = files::on_tick(cx);
         let busy_changed = self.update_busy();
-        read || log_changed || is_found || dropped || tour_changed || busy_changed
+        read || log_changed || dropped || tour_changed || busy_changed
     }
 
     /// Looks at what the trainer is doing; returns whether the screen changes.

@@ -49,7 +49,7 @@ const fn watch(
 
 /// A row for an action that the scene performs.
 const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(action, name, keys, Session::act_in_scene)
+    bind(action, name, keys, |s, action| s.act_in_scene(action))
 }
 
 const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
@@ -128,10 +128,6 @@ impl Binding {
     }
 }
 
-/// A command that compares two methods.
-const HOW_TO_COMPARE: &str =
-    "in a shell: gdg-tui compare gdg-bridge gdg shows both on the same map";
-
 /// All actions, by section.
 pub const SECTIONS: &[Section] = &[
     Section { title: "training", bindings: TRAINING },
@@ -166,7 +162,7 @@ const TRAINING: &[Binding] = &[
     bind(A::Evaluate, "evaluate", &["y"], |s, _| time::evaluate(s))
         .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
-    watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| runs::ask_seed(s))
+    watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| runs::ask_to_restart(s))
         .about("restart with another seed", "reset again scratch random number new run start over"),
     watch(A::Settings, "settings", &["o"], |s, _| s.open(lists::settings(&s.screen)))
         .about("change a setting during training", "options preferences parameters"),
@@ -339,10 +335,6 @@ const FILES: &[Binding] = &[
 ];
 
 const PROGRAM: &[Binding] = &[
-    bind(A::Tour, "guided-tour", &[], |s, _| s.screen.notify("in a shell: gdg-tui tour"))
-        .about("a guided tour of the four rooms: how to start it", "tutorial demo introduction"),
-    bind(A::Compare, "compare", &[], |s, _| s.screen.notify(HOW_TO_COMPARE))
-        .about("compare two methods side by side: how to start it", "comparison versus against"),
     bind(A::NextTourStep, "next-step", &["enter", "right"], |s, _| s.guide.next_step(&mut s.cx))
         .help("next step of the tour (or click)")
         .within(Mode::Touring),

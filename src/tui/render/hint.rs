@@ -110,10 +110,7 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
         line.push(Span::styled(format!(" {colours} \u{b7} {click} \u{b7}"), REVERSED), None);
         push_key(&mut line, screen, Action::Help, "help");
         if names_tour {
-            line.push(
-                Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED),
-                Click::Act(Action::Tour),
-            );
+            line.push(Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED), None);
         }
         line
     });

@@ -14,7 +14,6 @@ use crate::tui::layer::Reply;
 use crate::tui::lists;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for};
-use gdg::text::parse_count;
 use gdg::train::{Run, is_checkpoint, with_setting};
 
 impl Session {
@@ -163,17 +162,6 @@ impl Session {
                 saver.save_under(path, cx);
             }
             Question::SaveMap => files::save_map(cx, typed)?,
-            Question::Seed => {
-                let seed = parse_count(typed).map_err(|error| error.to_string())?;
-                if unsaved(cx).is_none() {
-                    runs::restart(seed, cx);
-                    return Ok(());
-                }
-                let title = format!("restart with seed {seed}");
-                let begin = format!("start a new run on this map with seed {seed}");
-                let choice = Choice::Restart(seed);
-                cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
-            }
         }
         Ok(())
     }

@@ -49,7 +49,7 @@ pub fn on_tick(cx: &mut Cx) -> bool {
     is_done || !notices.is_empty()
 }
 
-pub fn show(cx: &mut Cx, done: Running<Show>) {
+fn show(cx: &mut Cx, done: Running<Show>) {
     match done.finish() {
         Ok(show) => show(cx),
         Err(problem) => cx.screen.report(&problem),
@@ -210,17 +210,4 @@ fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
     let may_be = || MapFormat::by_name(path).is_some() && !has("png");
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_LISTED_BYTES);
     !is_hidden(path) && (*is_folder || has("map") || may_be() && small() && load_map(path).is_ok())
-}
-
-/// Looks for the newest saved run of the world with this title, and says where it is.
-pub fn search(title: String) -> Running<Show> {
-    let find = move |_: &Job| -> Show {
-        let found = runs::newest(Path::new(SAVES), Some(&title));
-        Box::new(move |Cx { screen, .. }| {
-            let Some(found) = found else { return };
-            let (file, key) = (found.file.display(), screen.keymap.key_of(Action::Load));
-            screen.notify(&format!("{file}: {}; {key} loads it", runs::summary(&found)));
-        })
-    };
-    Running::start("saved runs", Job::new("looking for saved runs"), find)
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Cx;
-use super::saving::{Saver, is_worth_saving};
+use super::saving::{Saver, is_worth_saving, unsaved};
 use crate::tui::dialog::{Choice, Prompt, Question};
 use crate::tui::lists;
 use crate::tui::scene::Scene;
@@ -40,10 +40,13 @@ pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
     }
 }
 
-pub fn ask_seed(cx: &mut Cx) {
-    let next = cx.screen.run().seed.wrapping_add(1).to_string();
-    let hint = "an integer: same seed, same run";
-    cx.screen.open(Prompt::new(Question::Seed, "restart with seed", hint, next));
+/// Restarts with the next seed, after a question.
+pub fn ask_to_restart(cx: &mut Cx) {
+    let seed = cx.screen.run().seed.wrapping_add(1);
+    let title = format!("restart with seed {seed}");
+    let begin = format!("start a new run on this map with seed {seed}");
+    let choice = Choice::Restart(seed);
+    cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
 }
 
 pub fn restart(seed: u64, cx: &mut Cx) {

@@ -57,8 +57,7 @@ fn every_action_without_a_key_is_found_by_name() {
         let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("a list") };
         assert_eq!(picker.choice(), Some(&Choice::Act(binding.action)), "{}", binding.name);
         press(&mut app, KeyCode::Enter);
-        let asks = ![Action::Compare, Action::Tour].contains(&binding.action);
-        assert_eq!(!app.screen.dialogs.is_empty(), asks, "{} asks something", binding.name);
+        assert!(!app.screen.dialogs.is_empty(), "{} asks something", binding.name);
         app.screen.dialogs.clear();
     }
 }

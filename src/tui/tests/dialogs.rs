@@ -51,14 +51,6 @@ fn only_texts_that_are_maps_are_offered() {
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
     assert_eq!(names, ["..", "rooms.txt"]);
-    press(&mut app, KeyCode::Esc);
-    app.reading_patience = Duration::ZERO;
-    pick(&mut app);
-    // They may have been read by now.
-    if app.screen.dialogs.is_empty() {
-        assert!(notice(&app).starts_with("reading the maps in "));
-        tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
-    }
 }
 
 /// Lets time pass until something changes after which `is` holds.

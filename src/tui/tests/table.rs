@@ -105,7 +105,7 @@ const ROWS: &[Row] = &[
     (Run, SMALL, "qc", &["q quit"], &["save and quit"]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}lots{enter}", &["random_actions cannot be"], &[]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}0.5{enter}", &["*random_actions"], &[]),
-    (Run, SMALL, "R{enter}", &["save this run, then start", "yes, start", "with seed 2"], &[]),
+    (Run, SMALL, "R", &["save this run, then start", "yes, start", "with seed 2"], &[]),
     // Typing replaces the answer that is there, unless it was edited.
     (New, SMALL, "ohidden{enter}7", &["> 7 "], &[]),
     (New, SMALL, "ohidden{enter}{backspace}7", &["> 17 "], &[]),
