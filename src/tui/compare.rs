@@ -134,7 +134,7 @@ impl Comparison {
                 maze.set_goal(goal, screen, link);
             });
         }
-        let requests = self.sessions.each_ref().map(|session| session.link.goal_request());
+        let requests = self.sessions.each_ref().map(|session| session.link.goal_request);
         self.race.begin(start, goal, requests);
     }
 

@@ -12,7 +12,7 @@ use gdg::viewer::View;
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let world = PointMaze::new(Arc::new(rooms()), 0);
-    seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
+    trainer_in(&world, method.parse().expect("a method"), seed)
 }
 
 impl App {
@@ -83,7 +83,7 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         }
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
-        view.goal.1 = app.link.goal_request();
+        view.goal.1 = app.link.goal_request;
         view.walk.arrived = side == 0;
         let snapshot = app.screen.latest.clone();
         comparison.follow(side, &snapshot, &View::Maze(Arc::new(view)));
