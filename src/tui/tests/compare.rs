@@ -218,9 +218,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     };
     let saved = save(&trainer("gdg-bridge", 7), "own.safetensors");
     let other = save(&trainer("her", 8), "other.safetensors");
-    let in_world = |world: &dyn Environment, name: &str| {
-        save(&trainer_in(world, gdg(), 1), name)
-    };
+    let in_world = |world: &dyn Environment, name: &str| save(&trainer_in(world, gdg(), 1), name);
     let hall = Arc::new(Grid::empty("hall", 4, 3));
     let hall = in_world(&PointMaze::new(hall, 0), "hall.safetensors");
     let arm = in_world(&FetchReach::new(0), "arm.safetensors");
