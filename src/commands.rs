@@ -49,16 +49,14 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
-        Some(Command::Suite(args)) => {
+        Some(Command::Suite(options)) => {
             logging::start(LevelFilter::Info);
-            let registry = &prepare::registry_of_suite(&args, registry).map_err(bad_input)?;
-            let options = args.into();
+            let registry = &prepare::registry_of_suite(&options, registry).map_err(bad_input)?;
             let suite = suite::prepare(&options, registry).map_err(bad_input)?;
             suite.run().map_err(failure)
         }
-        Some(Command::Reproduce(args)) => {
+        Some(Command::Reproduce(options)) => {
             logging::start(LevelFilter::Info);
-            let options = args.into();
             let figures = figures::prepare(&options, registry).map_err(bad_input)?;
             figures.run().map_err(failure)
         }

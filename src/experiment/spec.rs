@@ -14,9 +14,8 @@ use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
 use gdg::text::safe_file_name;
-use gdg::train::{Evaluation, History, Method, Preset, Registry, Run, Trainer};
+use gdg::train::{Evaluation, History, Method, Moment, Preset, Registry, Run, Trainer};
 
-/// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
 /// Part of every key. Raise it with any change of what a run learns or measures, so that no folder
@@ -25,33 +24,28 @@ const RESULTS_VERSION: u32 = 3;
 
 #[derive(Clone, Debug)]
 pub enum JobWorld {
-    Maze {
-        /// The map, with a start.
-        map: Arc<Grid>,
-        /// Whether that start was drawn, as the map itself has none.
-        start_drawn: bool,
-    },
-    /// A world that needs no file.
-    Named {
-        /// The name that opens it.
-        name: String,
-        /// What tells it apart from others of its name, as other versions of its package.
-        fingerprint: Option<String>,
-    },
+    /// A map, with a start once a seed has drawn one.
+    Maze(Arc<Grid>),
+    /// A world that needs no file: the name that opens it, and what tells it apart from others of
+    /// that name, as other versions of its package.
+    Named(String, Option<String>),
 }
 
 impl JobWorld {
     /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
     pub fn maze(map: &Grid, seed: u64) -> Self {
-        let start_drawn = map.starts().is_empty();
-        Self::Maze { start_drawn, map: Arc::new(with_start(map.clone(), seed)) }
+        Self::Maze(Arc::new(with_start(map.clone(), seed)))
+    }
+
+    /// Returns it with a start drawn by `seed`, if it has a map without one.
+    pub fn with_start(&self, seed: u64) -> Self {
+        self.map().map_or_else(|| self.clone(), |map| Self::maze(map, seed))
     }
 
     /// Opens the world called `name`, if it needs no map.
     pub fn named(name: &str, registry: &Registry) -> Result<Option<Self>, Report> {
         let world = registry.open(name).transpose().into_diagnostic()?;
-        let named = |fingerprint| Self::Named { name: name.to_owned(), fingerprint };
-        Ok(world.map(|world| named(world.fingerprint())))
+        Ok(world.map(|world| Self::Named(name.to_owned(), world.fingerprint())))
     }
 
     pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
@@ -61,29 +55,29 @@ impl JobWorld {
 
     pub fn name(&self) -> &str {
         match self {
-            Self::Maze { map, .. } => map.name(),
-            Self::Named { name, .. } => name,
+            Self::Maze(map) => map.name(),
+            Self::Named(name, _) => name,
         }
     }
 
     pub fn map(&self) -> Option<&Arc<Grid>> {
         match self {
-            Self::Maze { map, .. } => Some(map),
-            Self::Named { .. } => None,
+            Self::Maze(map) => Some(map),
+            Self::Named(..) => None,
         }
     }
 
     fn fingerprint(&self) -> Option<String> {
         match self {
-            Self::Maze { map, .. } => Some(fingerprint(map)),
-            Self::Named { fingerprint, .. } => fingerprint.clone(),
+            Self::Maze(map) => Some(fingerprint(map)),
+            Self::Named(_, fingerprint) => fingerprint.clone(),
         }
     }
 
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
-            Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
-            Self::Named { name, .. } => match registry.open(name) {
+            Self::Maze(map) => Ok(Box::new(PointMaze::new(map.clone(), 0))),
+            Self::Named(name, _) => match registry.open(name) {
                 Some(opened) => opened.into_diagnostic(),
                 None => Err(miette!("{name}: this build has no such world")),
             },
@@ -92,9 +86,9 @@ impl JobWorld {
 
     fn is(&self, world: &dyn Environment) -> bool {
         match self {
-            Self::Maze { map, .. } => PointMaze::downcast_ref(world)
+            Self::Maze(map) => PointMaze::downcast_ref(world)
                 .is_some_and(|maze| content(maze.map()) == content(map)),
-            Self::Named { name, .. } => match name.split_once(':') {
+            Self::Named(name, _) => match name.split_once(':') {
                 Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
                 None => world.kind() == name,
             },
@@ -109,7 +103,6 @@ fn content(map: &Grid) -> String {
     print_ascii(map) + &scale
 }
 
-/// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct JobSpec {
     /// The world's name, the label if any (method and variant), the seed and the beginning of the
@@ -125,7 +118,6 @@ pub struct JobSpec {
 }
 
 impl JobSpec {
-    /// Creates the job of `run` in `world`; `label` becomes part of its name.
     pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
         let named = || world.fingerprint().unwrap_or_default();
@@ -163,7 +155,6 @@ impl JobSpec {
             settings: changed.iter().map(|(name, value)| setting_text(name, value)).collect(),
             seed: self.run.seed,
             world: self.world.name().to_owned(),
-            map: MapFacts::of(&self.world),
             fingerprint: self.world.fingerprint(),
             updates: self.plan.length.amount(),
             data: self.plan.data.clone(),
@@ -192,15 +183,10 @@ pub fn setting_text(name: &str, value: &Value) -> String {
 
 pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
     let evaluation = |(i, (updates, evaluation)): (usize, &(u64, Evaluation))| {
-        let made = history.moment(i);
-        EvaluationAt {
-            updates: *updates,
-            env_steps: made.map(|made| made.env_steps),
-            seconds: made.map(|made| made.seconds),
-            evaluation: evaluation.clone(),
-        }
+        let Moment { env_steps, seconds, .. } = history.moment(i)?;
+        Some(EvaluationAt { updates: *updates, env_steps, seconds, evaluation: evaluation.clone() })
     };
-    history.evaluations().iter().enumerate().map(evaluation).collect()
+    history.evaluations().iter().enumerate().filter_map(evaluation).collect()
 }
 
 /// A finished job, as stored in its JSON file.
@@ -213,14 +199,11 @@ pub struct JobResult {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
     pub preset: Preset,
-    /// Settings that differ from the preset's, as `--set` takes them.
     pub settings: Vec<String>,
     pub seed: u64,
     /// Name of the map, or of the world if it has none.
     #[serde(rename = "map")]
     pub world: String,
-    #[serde(flatten)]
-    pub map: Option<MapFacts>,
     /// What tells the map or world apart from others of its name; the first part is a map's size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
@@ -230,43 +213,19 @@ pub struct JobResult {
     pub data: Option<JobData>,
     /// Training time, without evaluation.
     pub seconds: f64,
-    /// Oldest first.
     pub evaluations: Vec<EvaluationAt>,
     /// Further measurements at the end, if the job's plan asks for any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MapFacts {
-    pub free_cells: usize,
-    /// Column and row of each start.
-    pub starts: Vec<[usize; 2]>,
-    /// Whether the start was drawn, as the map itself has none.
-    pub start_drawn: bool,
-}
-
-impl MapFacts {
-    fn of(world: &JobWorld) -> Option<Self> {
-        let JobWorld::Maze { map, start_drawn } = world else { return None };
-        Some(Self {
-            free_cells: map.free_count(),
-            starts: map.starts().iter().map(|start| [start.x, start.y]).collect(),
-            start_drawn: *start_drawn,
-        })
-    }
-}
-
-/// An evaluation after a number of updates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationAt {
     pub updates: u64,
-    /// Environment steps before it, summed over all agents; older records do not have it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub env_steps: Option<u64>,
-    /// Training time before it; older records do not have it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seconds: Option<f64>,
+    /// Environment steps before it, summed over all agents.
+    pub env_steps: u64,
+    /// Training time before it.
+    pub seconds: f64,
     #[serde(flatten)]
     pub evaluation: Evaluation,
 }
@@ -311,64 +270,55 @@ mod tests {
     use super::*;
     use gdg::map::parse_map;
 
-    fn run(seed: u64) -> Run {
-        let (method, settings) = (Method::default(), Preset::Default.settings());
-        Run { method, preset: Preset::Default, seed, settings }
-    }
-
-    fn job(map: &str, run: Run, plan: Plan) -> JobSpec {
-        let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
-        JobSpec::new(JobWorld::maze(&map, run.seed), "gdg", run, plan).expect("a job")
-    }
-
     #[test]
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
-        let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
-        let one = job("...\n", run(1), plan.clone());
-        assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
-        let facts = one.open_result().map.expect("a map");
-        assert!(facts.start_drawn && facts.starts.len() == 1);
-        assert_eq!(job("...\n", run(1), plan.clone()).key, one.key);
-        let mut other = run(1);
-        other.settings.learn.hidden = 17;
-        let changed = job("...\n", other, plan.clone());
-        assert_eq!(changed.open_result().settings, ["hidden=17"]);
-        let plans = [
-            Plan::suite(100, 2),
-            Plan { length: Length::Updates(101), ..plan.clone() },
-            Plan { length: Length::Episodes(100), ..plan.clone() },
-            Plan { walks: vec![90], ..plan.clone() },
-            Plan { last_tasks: 3, ..plan.clone() },
-        ];
-        let others = plans.map(|plan| job("...\n", run(1), plan)).into_iter().chain([
-            changed,
-            job("..#\n", run(1), plan.clone()),
-            job("...\n", run(2), plan),
-        ]);
-        others.for_each(|other| assert_ne!(other.key, one.key));
-        let named = |fingerprint: &str| {
-            let (name, fingerprint) = ("gym:mine:A-v0".to_owned(), Some(fingerprint.to_owned()));
-            let world = JobWorld::Named { name, fingerprint };
-            JobSpec::new(world, "gdg", run(1), Plan::suite(100, 2)).expect("a job")
+        let job = |map: &str, seed, change: fn(&mut Run, &mut Plan)| {
+            let (method, settings) = (Method::default(), Preset::Default.settings());
+            let mut run = Run { method, preset: Preset::Default, seed, settings };
+            let mut plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
+            change(&mut run, &mut plan);
+            let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
+            JobSpec::new(JobWorld::maze(&map, seed), "gdg", run, plan).expect("a job")
         };
-        assert_ne!(named("mine 1").key, named("mine 2").key);
-        let written = serde_json::to_string(&named("mine 1").open_result()).expect("JSON");
-        let result: JobResult = serde_json::from_str(&written).expect("a result");
-        assert_eq!((result.map, result.fingerprint.as_deref()), (None, Some("mine 1")));
+        let one = job("...\n", 1, |_, _| {});
+        assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
+        assert_eq!(job("...\n", 1, |_, _| {}).key, one.key);
+        let changed = job("...\n", 1, |run, _| run.settings.learn.hidden = 17);
+        assert_eq!(changed.open_result().settings, ["hidden=17"]);
+        let others = [
+            changed,
+            job("..#\n", 1, |_, _| {}),
+            job("...\n", 2, |_, _| {}),
+            job("...\n", 1, |_, plan| plan.length = Length::Updates(101)),
+            job("...\n", 1, |_, plan| plan.length = Length::Episodes(100)),
+            job("...\n", 1, |_, plan| plan.walks = vec![90]),
+            job("...\n", 1, |_, plan| plan.last_tasks = 3),
+            job("...\n", 1, |_, plan| plan.max_steps = None),
+        ];
+        assert!(others.iter().all(|other| other.key != one.key));
+        let named = |fingerprint: &str| {
+            let world = JobWorld::Named("gym:a:B-v0".to_owned(), Some(fingerprint.to_owned()));
+            JobSpec::new(world, "gdg", one.run.clone(), one.plan.clone()).expect("a job")
+        };
+        assert_ne!(named("a 1").key, named("a 2").key);
+        assert_eq!(named("a 1").open_result().fingerprint.as_deref(), Some("a 1"));
     }
 
     #[test]
     fn equal_names_of_different_worlds_get_the_first_fact_that_tells_all_apart() {
-        let named = |worlds: &[(&str, &str)]| {
-            let known = |(name, own)| (name, Some(own).filter(|own: &&str| !own.is_empty()));
-            told_apart(&worlds.iter().copied().map(known).collect::<Vec<_>>()).join("; ")
-        };
-        let (small, wide) = (("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b"));
-        assert_eq!(named(&[small, ("city", "9 x 9, radius 1, c"), small]), "hall; city; hall");
-        assert_eq!(named(&[small, ("hall", "")]), "hall; hall", "older records");
-        assert_eq!(named(&[small, wide]), "hall (radius 1); hall (radius 2)");
+        let [small, wide] = [("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b")];
         let large = ("hall", "9 x 9, radius 1, d");
-        assert_eq!(named(&[small, large]), "hall (4 x 2); hall (9 x 9)");
-        assert_eq!(named(&[small, wide, large]), "hall (a); hall (b); hall (d)");
+        for (worlds, expected) in [
+            (&[small, ("city", "9 x 9, radius 1, c"), small][..], "hall; city; hall"),
+            // Older records do not have them.
+            (&[small, ("hall", "")], "hall; hall"),
+            (&[small, wide], "hall (radius 1); hall (radius 2)"),
+            (&[small, large], "hall (4 x 2); hall (9 x 9)"),
+            (&[small, wide, large], "hall (a); hall (b); hall (d)"),
+        ] {
+            let known =
+                worlds.iter().map(|(name, own)| (*name, Some(*own).filter(|own| !own.is_empty())));
+            assert_eq!(told_apart(&known.collect::<Vec<_>>()).join("; "), expected);
+        }
     }
 }
