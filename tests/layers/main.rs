@@ -23,7 +23,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 300),
     ("settings", 400),
     ("map", 3_750),
-    ("env", 6_000),
+    ("env", 6_050),
     ("learn", 8_250),
     ("bridge", 3_300),
     ("train", 6_750),
