@@ -207,7 +207,7 @@ impl Worker {
     fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
-        let all = std::iter::once(saved).chain(self.trainer.world().take_warnings());
+        let all = std::iter::once(saved).chain(self.trainer.take_warnings());
         all.collect::<Vec<_>>().join("; ")
     }
 

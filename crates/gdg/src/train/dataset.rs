@@ -52,6 +52,7 @@ pub struct DataSource {
 #[derive(Clone, Debug)]
 pub struct Dataset {
     source: DataSource,
+    pub(super) facts: Option<FileFacts>,
     sizes: ReplaySizes,
     /// `(rows, state_dim)`.
     states: Vec<f32>,
@@ -121,7 +122,7 @@ impl Dataset {
             // Resumed from anywhere.
             let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
             let source = DataSource { file, checksum, transitions, episodes };
-            Ok(Self { source, sizes, states, actions, ends })
+            Ok(Self { source, facts, sizes, states, actions, ends })
         };
         read().map_err(|problem| unfit(file, problem))
     }
