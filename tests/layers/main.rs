@@ -36,7 +36,7 @@ const LIBRARY: [Room; 15] = [
 const PROGRAM: [Room; 7] = [
     ("host", 1_550),
     ("figure", 1_100),
-    ("headless", 850),
+    ("headless", 900),
     ("experiment", 5_700),
     ("tui", 24_700),
     ("cli", 700),
