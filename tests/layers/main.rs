@@ -34,13 +34,13 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
-    ("host", 1_300),
+    ("host", 1_550),
     ("figure", 1_100),
     ("headless", 900),
-    ("experiment", 5_600),
-    ("tui", 21_550),
-    ("cli", 1_200),
-    ("commands", 1_050),
+    ("experiment", 5_700),
+    ("tui", 21_600),
+    ("cli", 700),
+    ("commands", 1_000),
 ];
 
 /// What lies beside the modules.
