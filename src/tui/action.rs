@@ -161,12 +161,13 @@ impl Binding {
     /// Returns whether its keys are active in `mode`.
     pub fn is_active(&self, mode: Mode) -> bool {
         match (mode, self.when) {
-            (Mode::Watching | Mode::Editing, None) => true,
+            (Mode::Watching | Mode::Editing, None) | (Mode::EditingBoth, Some(Mode::Comparing)) => {
+                true
+            }
             (Mode::Listing, None) => self.is_in_lists,
             (Mode::Comparing | Mode::EditingBoth, None)
             | (Mode::Comparing, Some(Mode::Watching))
             | (Mode::EditingBoth, Some(Mode::Editing)) => !matches!(self.both, Both::Refused),
-            (Mode::EditingBoth, Some(Mode::Comparing)) => true,
             (mode, when) => when == Some(mode),
         }
     }

@@ -441,7 +441,8 @@ const WEIGHTS: [u32; 3] = [9, 5, 1];
 
 /// Returns how well a search text fits an item, or `None` if one of its words is nowhere.
 fn score(typed: &str, item: &Item) -> Option<u32> {
-    let (label, detail) = (plain(&item.label), [&[item.detail.clone()], &item.below[..]].concat());
+    let (label, detail) =
+        (plain(&item.label), [std::slice::from_ref(&item.detail), &item.below[..]].concat());
     if label == typed {
         return Some(u32::MAX);
     }

@@ -192,7 +192,6 @@ impl Comparison {
     }
 }
 
-/// The mouse.
 impl Comparison {
     pub fn on_mouse(&mut self, kind: MouseEventKind, at: Position) {
         // A drag belongs to the side on which it began.

@@ -172,7 +172,7 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
     let file = match question {
         Question::SaveMap => Path::new(typed).to_owned(),
         Question::SaveAs => checkpoint_file(typed),
-        _ => return Ok(None),
+        Question::Setting(_) => return Ok(None),
     };
     let mut replaced = file.is_file().then(|| "the file".to_owned());
     let mut lost = None;

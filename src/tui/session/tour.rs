@@ -484,9 +484,10 @@ fn plan(tour: &mut Tour, Cx { scene, .. }: &mut Cx) -> Option<Caption> {
     if path.len() > tour.route.len() {
         tour.route.clone_from(&path);
     }
-    let text = format!(
-        "G is now in the far room. The line to it is the plan: from bridge to bridge, each near enough to be reached reliably. @ walks it."
-    );
+    let text =
+        "G is now in the far room. The line to it is the plan: from bridge to bridge, each near \
+                enough to be reached reliably. @ walks it."
+            .to_owned();
     let seen = maze.view.walk.arrived && tour.elapsed > 1.0;
     let subject = [vec![maze.goal.centre()], path].concat();
     Some(Caption { text, subject, marks: Vec::new(), seen })

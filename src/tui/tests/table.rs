@@ -174,7 +174,7 @@ const ROWS: &[Row] = &[
     (List, LARGE, " j {esc}", &[], &["  A "]),
     (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
     (List, LARGE, "{end}{up} ", &["  A fourrooms ", " 4,000 "], &[]),
-    (List, LARGE, "{end}{up} x", &["over environment steps", "not known"], &[]),
+    (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
     (List, LARGE, "{end}{up} xxv", &["success rate without plans over seconds"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
     (List, LARGE, "c", &["mark two runs"], &[]),
