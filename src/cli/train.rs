@@ -12,12 +12,10 @@ use super::screen::InterfaceArgs;
 use crate::headless;
 use crate::host::setup::RunChoice;
 use crate::host::values::{
-    BaseArgs, EditAt, MethodParser, counts, edits, log_levels, methods_help, output, parse_threads,
-    reals, shares,
+    EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
 };
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
-use gdg::train::{METHODS, Method};
 
 /// The map to train on unless another is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -35,7 +33,7 @@ pub struct TrainArgs {
     pub no_ui: bool,
 
     #[command(flatten)]
-    pub run: RunArgs,
+    pub run: RunChoice,
 
     /// Random seed: same seed, same run
     #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
@@ -159,28 +157,6 @@ impl TrainArgs {
             overwrite: self.overwrite,
             require_success: self.require_success,
         }
-    }
-}
-
-/// Method and settings of a run.
-#[derive(Clone, Debug, Args)]
-pub struct RunArgs {
-    /// Learner and planner: one of these methods, or LEARNER+PLANNER
-    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
-    pub method: Method,
-
-    #[command(flatten)]
-    pub base: BaseArgs,
-
-    /// Change one setting (repeatable)
-    #[arg(long, value_name = "NAME=VALUE")]
-    pub set: Vec<String>,
-}
-
-impl RunArgs {
-    pub fn choice(&self) -> RunChoice {
-        let Self { method, base: BaseArgs { preset, config }, set } = self.clone();
-        RunChoice { method, preset, config, set }
     }
 }
 

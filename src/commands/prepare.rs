@@ -34,7 +34,7 @@ pub fn settings_to_print(
             .run()
             .settings
             .clone()),
-        None => settings(&args.run.choice(), args.map(), registry),
+        None => settings(&args.run, args.map(), registry),
     }
 }
 
@@ -155,7 +155,7 @@ fn begin_run(
     registry: &Arc<Registry>,
     progress: &Job,
 ) -> Result<(Trainer, Option<String>), Report> {
-    let run = setup::run(&args.run.choice(), args.map(), registry, args.seed)?;
+    let run = setup::run(&args.run, args.map(), registry, args.seed)?;
     if let Some(file) = &args.data {
         setup::check_data(file, progress)?;
     }

@@ -111,8 +111,8 @@ pub fn prepare<'a>(
     reading: &Reading,
     registry: &'a Arc<Registry>,
 ) -> Result<Suite<'a>, Report> {
-    let (BaseArgs { preset, config }, set) = (options.base.clone(), options.set.clone());
-    let base = RunChoice { method: Method::default(), preset, config, set };
+    let (base, set) = (options.base.clone(), options.set.clone());
+    let base = RunChoice { method: Method::default(), base, set };
     let variants = match options.ablation {
         Some(ablation) => ablation.variants(&base),
         None => variants(&options.method, &base, &options.sweep)?,

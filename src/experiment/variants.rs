@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::spec::setting_text;
 use crate::host::setup::{RunChoice, split_prefix};
+use crate::host::values::BaseArgs;
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
@@ -154,7 +155,8 @@ impl Ablation {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
-            let run = RunChoice { method, preset: Some(preset), config: None, set };
+            let base = BaseArgs { preset: Some(preset), config: None };
+            let run = RunChoice { method, base, set };
             Variant { name: Some(name.to_owned()), label, run }
         };
         if self == Self::Ladder {
@@ -189,12 +191,13 @@ mod tests {
 
     fn base(set: &str) -> RunChoice {
         let set = vec![set.to_owned()];
-        RunChoice { method: Method::default(), preset: None, config: None, set }
+        RunChoice { method: Method::default(), base: BaseArgs { preset: None, config: None }, set }
     }
 
     fn settings(variant: &Variant) -> Settings {
         let overrides = Overrides { set: &variant.run.set, ..Overrides::default() };
-        settings_from(variant.run.preset.expect("a preset"), &overrides).expect("valid settings")
+        settings_from(variant.run.base.preset.expect("a preset"), &overrides)
+            .expect("valid settings")
     }
 
     #[test]
