@@ -3,7 +3,6 @@
 
 mod catalogue;
 mod drawn;
-mod report;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -21,7 +20,7 @@ use crate::host::setup::{settings_of, split_prefix};
 use crate::host::values::{counts, output};
 use catalogue::Entry;
 use catalogue::{Budget, FIGURES, Figure};
-use drawn::Drawn;
+use drawn::{Drawn, head, section};
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
 
@@ -215,10 +214,10 @@ impl Reproduction<'_> {
             }
             let drawn = Drawn::write(figure, methods, folder)?;
             charts += &drawn.text;
-            sections += &report::section(figure, methods, &drawn);
+            sections += &section(figure, methods, &drawn);
         }
         let of_paper = figures.iter().any(|(figure, _)| figure.is_of_paper());
-        let head = report::head(&options.figures, options.budget, of_paper, missing);
+        let head = head(&options.figures, options.budget, of_paper, missing);
         folder.write("report.md", (head + &sections).as_bytes())?;
         print_raw(&charts)
     }
