@@ -20,7 +20,9 @@ use crate::experiment::measure::{Bridge, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{Axis, Line, Points, csv_of, table};
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
-use crate::figure::{Anchor, Chart, Format, MILLIMETRE, Mark, Page, Range, Sheet, fitted, tick};
+use crate::figure::{
+    Anchor, Chart, Format, MILLIMETRE, Mark, Page, Sheet, fitted, round_top, tick,
+};
 use gdg::draw::{Picture, Raster, Rgb, WALL};
 use gdg::map::{Cell, Grid, builtin};
 use gdg::text::{counted, terminal_obeys_escapes};
@@ -78,7 +80,7 @@ const SIZE: (u16, u16) = (80, 20);
 /// Returns a chart in characters, with the names of its curves and their last values below, and with
 /// escape sequences for their colours if `coloured`.
 fn text_of(chart: &Chart, coloured: bool) -> String {
-    let Chart { labels, x, y, curves, .. } = chart;
+    let Chart { labels, x, top, curves, .. } = chart;
     // The nearest of the 256 colours, which every terminal with colours has.
     let of = |(r, g, b): Rgb| rgb_to_xterm(RgbColor(r, g, b)).0;
     let painted = |text: &str, colour: u8| match text {
@@ -99,7 +101,7 @@ fn text_of(chart: &Chart, coloured: bool) -> String {
     let mut screen = Buffer::empty(Rect::new(0, 0, SIZE.0, SIZE.1));
     widgets::Chart::new(data.collect())
         .x_axis(axis(x[1]))
-        .y_axis(axis(y.high))
+        .y_axis(axis(*top))
         .legend_position(None)
         .render(screen.area, &mut screen);
     let mut out = format!("\n{} over {}\n", labels[1], labels[0]);
@@ -134,10 +136,7 @@ impl Panel {
             title: String::new(),
             labels: self.labels.map(str::to_owned),
             x,
-            y: match self.top {
-                Some(high) => Range { high, ..Range::SHARE },
-                None => Range::from_zero(points().map(|point| point.1)),
-            },
+            top: self.top.unwrap_or_else(|| round_top(points().map(|point| point.1))),
             curves: self.lines.iter().map(|line| line.curve(x)).collect(),
         }
     }
