@@ -11,12 +11,12 @@ use clap::{Arg, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::experiment::{figures, plot, suite};
+use crate::host::maps::MapArgs;
 use crate::host::values::output;
 use gdg::map::BUILTIN;
 use gdg::train::Registry;
 
-pub use crate::host::values::EditAt;
-pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand, THRESHOLD};
+pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
 pub use screen::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
 pub use train::TrainArgs;
 
@@ -90,12 +90,7 @@ pub enum Command {
     Compare(CompareArgs),
     /// Train on many maps, with several methods, settings and seeds: a table, and a report with
     /// pictures
-    Suite {
-        #[command(flatten)]
-        options: suite::Options,
-        #[command(flatten)]
-        reading: MapArgs,
-    },
+    Suite(suite::Options),
     /// Draw the curves of several runs over their seeds, as a figure for a paper and as a table
     Plot(plot::Options),
     /// Reproduce the paper's figures: data, drawings and a report that compares

@@ -49,10 +49,9 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
-        Some(Command::Suite { options, reading }) => {
+        Some(Command::Suite(options)) => {
             logging::start(LevelFilter::Info);
-            let reading = (&reading).into();
-            let suite = suite::prepare(&options, &reading, registry).map_err(bad_input)?;
+            let suite = suite::prepare(&options, registry).map_err(bad_input)?;
             suite.run().map_err(failure)
         }
         Some(Command::Reproduce(options)) => {

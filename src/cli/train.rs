@@ -6,14 +6,13 @@ use std::time::Duration;
 use clap::Args;
 use log::LevelFilter;
 
-use super::MapArgs;
-use super::maps::{GOAL_RADIUS, given};
-use super::screen::InterfaceArgs;
 use crate::headless;
+use crate::host::maps::{GOAL_RADIUS, MapArgs, given};
 use crate::host::setup::RunChoice;
 use crate::host::values::{
     EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
 };
+use crate::tui::InterfaceOptions;
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
 
@@ -113,7 +112,7 @@ pub struct TrainArgs {
     pub resume: Option<Option<PathBuf>>,
 
     #[command(flatten)]
-    pub interface: InterfaceArgs,
+    pub interface: InterfaceOptions,
 
     /// Print a template of the configuration file for theme, keys etc. with its default path, and
     /// exit

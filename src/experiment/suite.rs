@@ -14,10 +14,10 @@ use super::runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
 use crate::figure::Format;
-use crate::host::maps::{find_map, warn, warnings};
+use crate::host::maps::{MapArgs, find_map, warn, warnings};
 use crate::host::report::from_map_error;
-use crate::host::setup::{self, RunChoice};
-use crate::host::values::{BaseArgs, MethodParser, counts, methods_help};
+use crate::host::setup::{self, Base, RunChoice};
+use crate::host::values::{MethodParser, counts, methods_help};
 use crate::host::waiting::Waiting;
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
@@ -73,7 +73,7 @@ pub struct Options {
     pub method: Vec<Method>,
 
     #[command(flatten)]
-    pub base: BaseArgs,
+    pub base: Base,
 
     /// Change one setting, of all runs, or of the method called NAME; any other NAME is a variant,
     /// which trains with these changes beside the runs without (repeatable)
@@ -94,6 +94,9 @@ pub struct Options {
 
     #[command(flatten)]
     pub running: JobOptions,
+
+    #[command(flatten)]
+    pub reading: MapArgs,
 }
 
 /// Default budgets: maximum number of free cells, and updates.
@@ -106,11 +109,7 @@ pub struct Suite<'a> {
     markdown: bool,
 }
 
-pub fn prepare<'a>(
-    options: &'a Options,
-    reading: &Reading,
-    registry: &'a Arc<Registry>,
-) -> Result<Suite<'a>, Report> {
+pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (base, set) = (options.base.clone(), options.set.clone());
     let base = RunChoice { method: Method::default(), base, set };
     let variants = match options.ablation {
@@ -121,8 +120,9 @@ pub fn prepare<'a>(
         registry.learner(&method.learner).into_diagnostic()?;
     }
     let (mut jobs, mut usual) = (Vec::new(), Vec::new());
+    let reading = Reading::from(&options.reading);
     for given in &options.maps {
-        for world in worlds(given, reading, registry)? {
+        for world in worlds(given, &reading, registry)? {
             let (usual_updates, opened_by) = match world.map() {
                 Some(map) => (usual_updates(map), maze::KIND.name),
                 None => (BUDGETS[0].1, world.name()),

@@ -5,8 +5,7 @@ use miette::{Report, miette};
 use serde_json::Value;
 
 use super::spec::setting_text;
-use crate::host::setup::{RunChoice, split_prefix};
-use crate::host::values::BaseArgs;
+use crate::host::setup::{Base, RunChoice, split_prefix};
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
@@ -155,7 +154,7 @@ impl Ablation {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
-            let base = BaseArgs { preset: Some(preset), config: None };
+            let base = Base { preset: Some(preset), config: None };
             let run = RunChoice { method, base, set };
             Variant { name: Some(name.to_owned()), label, run }
         };
@@ -191,7 +190,7 @@ mod tests {
 
     fn base(set: &str) -> RunChoice {
         let set = vec![set.to_owned()];
-        RunChoice { method: Method::default(), base: BaseArgs { preset: None, config: None }, set }
+        RunChoice { method: Method::default(), base: Base::default(), set }
     }
 
     fn settings(variant: &Variant) -> Settings {

@@ -8,7 +8,7 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::{find_map, known_name};
 use crate::host::report::{from_config_error, from_data_error, from_map_error};
-use crate::host::values::{BaseArgs, MethodParser, methods_help};
+use crate::host::values::{MethodParser, methods_help, preset_parser};
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::job::Job;
 use gdg::learn::Threads;
@@ -49,11 +49,23 @@ pub struct RunChoice {
     pub method: Method,
 
     #[command(flatten)]
-    pub base: BaseArgs,
+    pub base: Base,
 
     /// Change one setting (repeatable)
     #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
+}
+
+/// What the settings of a run are based on.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Base {
+    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
+    #[arg(long, value_parser = preset_parser())]
+    pub preset: Option<Preset>,
+
+    /// Settings file: a JSON object as printed by --print-config
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
 }
 
 impl RunChoice {

@@ -4,9 +4,9 @@ use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
+use clap::Arg;
 use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
-use clap::{Arg, Args};
 use clap_lex::OsStrExt as _;
 use log::LevelFilter;
 
@@ -150,19 +150,7 @@ pub fn log_levels() -> impl TypedValueParser<Value = LevelFilter> {
 }
 
 /// Returns the parser of presets.
-fn preset_parser() -> impl TypedValueParser<Value = Preset> {
+pub fn preset_parser() -> impl TypedValueParser<Value = Preset> {
     let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
     PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))
-}
-
-/// What the settings of a run are based on.
-#[derive(Clone, Debug, Args)]
-pub struct BaseArgs {
-    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
-    #[arg(long, value_parser = preset_parser())]
-    pub preset: Option<Preset>,
-
-    /// Settings file: a JSON object as printed by --print-config
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
 }

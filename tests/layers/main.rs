@@ -34,13 +34,13 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
-    ("host", 1_500),
-    ("figure", 900),
+    ("host", 1_550),
+    ("figure", 850),
     ("headless", 900),
-    ("experiment", 5_200),
+    ("experiment", 5_150),
     ("tui", 24_700),
-    ("cli", 800),
-    ("commands", 1_050),
+    ("cli", 650),
+    ("commands", 1_000),
 ];
 
 /// What lies beside the modules.
