@@ -174,15 +174,9 @@ pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
     }
 }
 
-/// Prints to standard output, made safe to display.
+/// Prints to standard output, made safe to display. An early close (`| head`) is not an error.
 pub fn print(text: &str) -> Result<(), Report> {
-    print_raw(&sanitized_lines(text))
-}
-
-/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`)
-/// is not an error.
-pub fn print_raw(text: &str) -> Result<(), Report> {
-    print_text(text).into_diagnostic().wrap_err("standard output")
+    print_text(&sanitized_lines(text)).into_diagnostic().wrap_err("standard output")
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,17 +1,8 @@
 //! What a figure shows: charts of methods over seeds (Figures 1, 3, 4 and 6), or rows of maps with
-//! distances, plans and paths (Figures 2 and 5); as data, as drawings, for the terminal, and in the
-//! report, with the paper's results beside ours.
+//! distances, plans and paths (Figures 2 and 5); as data, as drawings, and in the report, with the
+//! paper's results beside ours.
 
-use std::io::IsTerminal;
-
-use anstyle::RgbColor;
-use anstyle_lossy::rgb_to_xterm;
 use miette::Report;
-use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
-use ratatui::style::{Color, Style};
-use ratatui::symbols::Marker;
-use ratatui::widgets::{self, Dataset, GraphType, Widget};
 
 use super::MethodRuns;
 use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
@@ -20,43 +11,11 @@ use crate::experiment::measure::{Bridge, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{Axis, Line, Points, csv_of, table};
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
-use crate::figure::{
-    Anchor, Chart, Format, MILLIMETRE, Mark, Page, Sheet, fitted, round_top, tick,
-};
+use crate::figure::{Anchor, Chart, Format, MILLIMETRE, Mark, Page, Sheet, fitted, round_top};
 use gdg::draw::{Picture, Raster, Rgb, WALL};
 use gdg::map::{Cell, Grid, builtin};
-use gdg::text::{counted, terminal_obeys_escapes};
+use gdg::text::counted;
 use gdg::train::{DistanceScore, Evaluation, TaskOutcome};
-
-pub struct Drawn {
-    panels: Vec<Panel>,
-    pub text: String,
-}
-
-impl Drawn {
-    pub fn write(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Result<Self, Report> {
-        let name = figure.name;
-        let (panels, maps) = (panels(figure, methods), rows(figure, methods));
-        let csv = if let [Panel { labels, .. }, ..] = &panels[..] {
-            let lines = panels.iter().flat_map(|panel| &panel.lines);
-            table(lines, [labels[0], "value"], [0.0, f64::INFINITY])?
-        } else {
-            walks_csv(methods)?
-        };
-        folder.write(&format!("data/{name}.csv"), &csv)?;
-        let charts: Vec<Chart> = panels.iter().map(Panel::chart).collect();
-        let sheet = draw(figure.title, &charts, &maps);
-        for format in [Format::Svg, Format::Png] {
-            let file = format!("figures/{name}.{}", format.extension());
-            folder.write(&file, &format.encode(&sheet)?)?;
-        }
-        let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-        let coloured = wanted && std::io::stdout().is_terminal() && terminal_obeys_escapes();
-        let text = charts.iter().map(|chart| text_of(chart, coloured));
-        let text = format!("\n{name}: {}\n{}", figure.title, text.collect::<String>());
-        Ok(Self { panels, text })
-    }
-}
 
 fn walks_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
     let mut lines = Vec::new();
@@ -72,53 +31,6 @@ fn walks_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
         }
     }
     csv_of(&["method", "seed", "distance", "reached", "step", "x", "y"], lines)
-}
-
-/// Columns and rows of a chart in characters.
-const SIZE: (u16, u16) = (80, 20);
-
-/// Returns a chart in characters, with the names of its curves and their last values below, and with
-/// escape sequences for their colours if `coloured`.
-fn text_of(chart: &Chart, coloured: bool) -> String {
-    let Chart { labels, x, top, curves, .. } = chart;
-    // The nearest of the 256 colours, which every terminal with colours has.
-    let of = |(r, g, b): Rgb| rgb_to_xterm(RgbColor(r, g, b)).0;
-    let painted = |text: &str, colour: u8| match text {
-        text if coloured && text != " " => format!("\x1b[38;5;{colour}m{text}\x1b[39m"),
-        text => text.to_owned(),
-    };
-    let points = curves.iter().map(|curve| curve.points.iter().map(|at| (at.x, at.mean)).collect());
-    let points: Vec<Vec<(f64, f64)>> = points.collect();
-    let data = curves.iter().zip(&points).map(|(curve, points)| {
-        let line = Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line);
-        line.style(Style::new().fg(Color::Indexed(of(curve.colour)))).data(points)
-    });
-    let axis = |top: f64| {
-        widgets::Axis::default()
-            .bounds([0.0, 1.02 * top])
-            .labels([0.0, 0.5, 1.0].map(|share| tick(share * top)))
-    };
-    let mut screen = Buffer::empty(Rect::new(0, 0, SIZE.0, SIZE.1));
-    widgets::Chart::new(data.collect())
-        .x_axis(axis(x[1]))
-        .y_axis(axis(*top))
-        .legend_position(None)
-        .render(screen.area, &mut screen);
-    let mut out = format!("\n{} over {}\n", labels[1], labels[0]);
-    for row in screen.area.rows() {
-        let cells = row.positions().map(|at| match screen[at].fg {
-            Color::Indexed(colour) => painted(screen[at].symbol(), colour),
-            _ => screen[at].symbol().to_owned(),
-        });
-        out = out + cells.collect::<String>().trim_end() + "\n";
-    }
-    for curve in curves {
-        // Without colours, the last values tell the lines apart.
-        let last = curve.points.last().map_or(String::new(), |at| format!("{:.2}", at.mean));
-        let line = format!("  \u{2500}\u{2500} {:<27}{last}", curve.name);
-        out = out + &painted(&line, of(curve.colour)) + "\n";
-    }
-    out
 }
 
 struct Panel {
@@ -378,17 +290,35 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
     out
 }
 
-pub fn section(figure: &Figure, methods: &[MethodRuns], drawn: &Drawn) -> String {
+/// Writes a figure as data and as drawings; returns its section of the report.
+pub fn section(
+    figure: &Figure,
+    methods: &[MethodRuns],
+    folder: &Folder,
+) -> Result<String, Report> {
     let (name, title) = (figure.name, figure.title);
+    let (panels, maps) = (panels(figure, methods), rows(figure, methods));
+    let csv = if let [Panel { labels, .. }, ..] = &panels[..] {
+        let lines = panels.iter().flat_map(|panel| &panel.lines);
+        table(lines, [labels[0], "value"], [0.0, f64::INFINITY])?
+    } else {
+        walks_csv(methods)?
+    };
+    folder.write(&format!("data/{name}.csv"), &csv)?;
+    let sheet = draw(title, &panels.iter().map(Panel::chart).collect::<Vec<_>>(), &maps);
+    for format in [Format::Svg, Format::Png] {
+        let file = format!("figures/{name}.{}", format.extension());
+        folder.write(&file, &format.encode(&sheet)?)?;
+    }
     let shown = match figure.shows {
         Shows::Bridge => format!("{BRIDGE_SEARCH} {MAPS}"),
         Shows::Paths => MAPS.to_owned(),
-        _ => last_values(figure, methods, &drawn.panels),
+        _ => last_values(figure, methods, &panels),
     };
-    format!(
+    Ok(format!(
         "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
          [CSV](data/{name}.csv)\n\n{shown}"
-    )
+    ))
 }
 
 /// Formats the mean, and the range if there are several seeds.
