@@ -111,10 +111,10 @@ pub struct Suite<'a> {
 
 pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (base, set) = (options.base.clone(), options.set.clone());
-    let base = RunChoice { method: Method::default(), base, set };
+    let run = RunChoice { method: Method::default(), base, set };
     let variants = match options.ablation {
-        Some(ablation) => ablation.variants(&base),
-        None => variants(&options.method, &base, &options.sweep)?,
+        Some(ablation) => ablation.variants(&run),
+        None => variants(&options.method, &run, &options.sweep)?,
     };
     for method in variants.iter().map(|variant| &variant.run.method) {
         registry.learner(&method.learner).into_diagnostic()?;

@@ -281,15 +281,10 @@ fn round_ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     all.into_iter().find(|ticks| ticks.len() <= most.max(2)).unwrap_or_else(|| vec![low, high])
 }
 
-/// Writes the ticks of one axis, all in the same unit.
+/// Writes the ticks of one axis, all in the same unit: 40k, 0.2.
 fn tick_labels(ticks: &[f64]) -> Vec<String> {
     let largest = ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.abs()));
     ticks.iter().map(|tick| in_unit_of(*tick, largest)).collect()
-}
-
-/// Writes a number on an axis: 40k, 0.2.
-pub fn tick(value: f64) -> String {
-    in_unit_of(value, value.abs())
 }
 
 fn in_unit_of(value: f64, largest: f64) -> String {
@@ -316,7 +311,10 @@ mod tests {
         );
         assert_eq!(tick_labels(&round_ticks(0.0, 0.031, 4)), ["0", "0.01", "0.02", "0.03"]);
         assert_eq!(round_ticks(5.0, 5.0, 4), [5.0]);
-        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
+        assert_eq!(
+            [0.2, 40.0, 40_000.0, 2e6].map(|value| in_unit_of(value, value)),
+            ["0.2", "40", "40k", "2M"]
+        );
         for high in [0.007, 1.0, 9.99, 123.0, 1e7] {
             let ticks = round_ticks(0.0, high, 5);
             assert!((2..=5).contains(&ticks.len()), "{high}: {ticks:?}");

@@ -137,7 +137,7 @@ impl Comparison {
                 maze.set_goal(goal, screen, link);
             });
         }
-        let requests = self.sessions.each_ref().map(|session| session.link.goal_request());
+        let requests = self.sessions.each_ref().map(|session| session.link.goal_request);
         self.race.begin(start, goal, requests);
     }
 
@@ -239,10 +239,10 @@ impl Comparison {
             Both::Each => self.both(action),
             Both::First => self.sessions[0].act(action),
             Both::Own(act) => act(self, action),
-            Both::Refused(why) => {
+            Both::Refused => {
                 let what = self.sessions[0].scene.wording(binding);
                 let what = what.split(" (").next().unwrap_or(what);
-                self.notify(&format!("not in a comparison: {what}; {why}"));
+                self.notify(&format!("not in a comparison: {what}"));
             }
         }
     }
@@ -326,8 +326,7 @@ impl Comparison {
     pub fn open_palette(&mut self, _: Action) {
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let modes = &Mode::OF_COMPARISONS;
-        let list = lists::actions_of_comparisons(&cx.screen, &cx.scene, modes, fields);
+        let list = lists::actions_of_comparisons(&cx.screen, &cx.scene, fields);
         self.sessions[0].open(list);
     }
 
@@ -425,10 +424,10 @@ impl Comparison {
             let map = &self.maze(own).map;
             let cell = self.sessions[own].screen.layout.map.as_ref();
             let cell = cell.and_then(|frame| frame.cell_at(at, map));
-            return match cell.and_then(|cell| map.nearest_free(cell)) {
-                Some(start) => self.start_race(start, self.race.goal),
-                None => self.notify("a click outside of the map changes nothing"),
-            };
+            if let Some(start) = cell.and_then(|cell| map.nearest_free(cell)) {
+                self.start_race(start, self.race.goal);
+            }
+            return;
         }
         if editing {
             self.hold_editor(own);

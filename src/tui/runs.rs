@@ -99,9 +99,6 @@ pub struct RunsScreen {
 
 impl RunsScreen {
     /// Begins to read the runs of folders, which `opener` opens.
-    ///
-    /// # Errors
-    /// The folders cannot be read on a thread of their own.
     pub fn open(
         folders: &[PathBuf],
         opener: Opener,
@@ -160,9 +157,6 @@ impl RunsScreen {
 
     /// Shows the list as it was left, below a notice if there is one; returns it, what the user has
     /// opened instead, and the exit status.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
     pub fn show(
         mut self,
         interface: &mut PreparedInterface,
@@ -223,7 +217,7 @@ impl RunsScreen {
         self.log.dismiss();
         let action = self.keymap.action(key, Mode::Listing);
         if let Some(help) = &mut self.help {
-            if help.on_key(key, action, self.keymap.action(key, Mode::Help)) {
+            if help.on_key(key, action) {
                 self.help = None;
             }
         } else if let Some((_, files)) = self.deletion.take() {
@@ -270,7 +264,6 @@ impl RunsScreen {
         match action {
             Action::Move(_, rows) => self.list.step(rows),
             Action::Help => self.help = Some(Help::default()),
-            Action::SearchHelp => self.help.iter_mut().for_each(|help| help.searching = true),
             Action::Close => self.close_top(),
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),

@@ -291,11 +291,7 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
 }
 
 /// Writes a figure as data and as drawings; returns its section of the report.
-pub fn section(
-    figure: &Figure,
-    methods: &[MethodRuns],
-    folder: &Folder,
-) -> Result<String, Report> {
+pub fn section(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Result<String, Report> {
     let (name, title) = (figure.name, figure.title);
     let (panels, maps) = (panels(figure, methods), rows(figure, methods));
     let csv = if let [Panel { labels, .. }, ..] = &panels[..] {

@@ -79,10 +79,6 @@ pub struct Contestants {
 
 /// Prepares both runs: same map, same seed, each as the trainer would prepare it; or loads them.
 /// Says how far it is to `progress`.
-///
-/// # Errors
-/// The map or a setting is invalid, a checkpoint cannot be loaded, two are of different maps, or a
-/// run needs more memory than is left.
 pub fn prepare(
     options: &ComparisonOptions,
     reading: &Reading,

@@ -24,7 +24,7 @@ use super::RunsScreen;
 use super::list::List;
 use crate::experiment::plot::Measure;
 use crate::experiment::runs::{COLUMNS, SavedRun, name};
-use crate::tui::action::{Action, Binding, ListAction, Mode, When, bindings};
+use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::render::chart::{self, Curve};
 use crate::tui::render::{curves, finish_frame, footer, help, too_small};
@@ -357,7 +357,9 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
     }
     let named = |is_own: bool| {
         let is_shown = move |b: &&Binding| {
-            !b.short.is_empty() && b.is_active(Mode::Listing) && (b.when == When::Listing) == is_own
+            !b.short.is_empty()
+                && b.is_active(Mode::Listing)
+                && (b.when == Some(Mode::Listing)) == is_own
         };
         bindings().filter(is_shown).map(|b| (b.action, b.short))
     };

@@ -12,7 +12,7 @@ use gdg::viewer::View;
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let world = PointMaze::new(Arc::new(rooms()), 0);
-    seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
+    trainer_in(&world, method.parse().expect("a method"), seed)
 }
 
 impl App {
@@ -83,7 +83,7 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         }
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
-        view.goal.1 = app.link.goal_request();
+        view.goal.1 = app.link.goal_request;
         view.walk.arrived = side == 0;
         let snapshot = app.screen.latest.clone();
         comparison.follow(side, &snapshot, &View::Maze(Arc::new(view)));
@@ -218,9 +218,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     };
     let saved = save(&trainer("gdg-bridge", 7), "own.safetensors");
     let other = save(&trainer("her", 8), "other.safetensors");
-    let in_world = |world: &dyn Environment, name: &str| {
-        save(&trainer_in(world, gdg(), &Registry::builtin()), name)
-    };
+    let in_world = |world: &dyn Environment, name: &str| save(&trainer_in(world, gdg(), 1), name);
     let hall = Arc::new(Grid::empty("hall", 4, 3));
     let hall = in_world(&PointMaze::new(hall, 0), "hall.safetensors");
     let arm = in_world(&FetchReach::new(0), "arm.safetensors");
