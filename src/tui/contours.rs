@@ -1,8 +1,10 @@
 //! Contour lines on a canvas, and the labels in their gaps.
 
-use ratatui::layout::Rect;
+use std::collections::HashSet;
 
-use super::canvas::{Canvas, Ground, Label, text_width};
+use ratatui::layout::Position;
+
+use super::canvas::{Canvas, Ground, Label};
 use super::theme::Theme;
 use gdg::draw::{contour_interval, contour_paths};
 
@@ -14,12 +16,8 @@ const PICTURE_SPACING: f32 = 3.0;
 /// and forth as the field changes.
 const TOLERANCE: f32 = 0.15;
 
-/// Width of a line, and height of a label in a picture, as shares of a character's height.
+/// Width of a line in a picture, as a share of a character's height.
 const WIDTH: f32 = 0.07;
-const LABEL_HEIGHT: f32 = 0.75;
-
-/// A gap in a picture exceeds its label by this share of the label's height.
-const MARGIN: f32 = 0.4;
 
 /// Minimum distance of two labels, and of two of the same level, in characters' heights.
 const LABEL_SPACING: f32 = 2.5;
@@ -27,10 +25,6 @@ const SAME_LEVEL_SPACING: f32 = 12.0;
 
 /// A label covers at most this share of its line.
 const MAX_COVERED_SHARE: f32 = 0.6;
-
-/// Minimum straightness of a line at a label in a picture: the distance between its ends over its
-/// length there.
-const LEAST_STRAIGHTNESS: f32 = 0.97;
 
 /// The distance of neighbouring points of a line in a picture, in pixels.
 const STEP: f32 = 3.0;
@@ -99,25 +93,27 @@ pub fn draw(
     let mut labels: Vec<Label> = Vec::new();
     for n in longest_first {
         let (level, points) = &lines[n];
-        let is_free = |at: [f32; 2]| {
-            let [x, y] = [at[0] / pixel[0], at[1] / pixel[1]];
-            let inside = x >= 0.0 && y >= 0.0 && (x as usize) < columns && (y as usize) < rows;
-            inside && {
-                let i = y as usize * columns + x as usize;
-                field[i].is_finite() && [0, n + 1].contains(&line_at[i])
-            }
-        };
-        let apart = pixel[0].min(pixel[1]);
-        let label = place(canvas, &format!("{level:.0}"), points, near, |label| {
-            let covered = points.iter().filter(|at| label.contains(**at)).count();
-            covered as f32 <= MAX_COVERED_SHARE * points.len() as f32
-                && labels.iter().all(|other| are_apart(label, other, canvas))
-                && label.points(apart).all(is_free)
-        });
-        labels.extend(label);
+        let is_free = |i: usize| field[i].is_finite() && [0, n + 1].contains(&line_at[i]);
+        let text = format!("{level:.0}");
+        let places = places(canvas, text.len(), points, near);
+        labels.extend(places.into_iter().map(|at| Label { at, text: text.clone() }).find(
+            |label| {
+                let [left, top, right, bottom] = bounds(canvas, label);
+                let covered =
+                    points.iter().filter(|at| is_within(**at, [left, top, right, bottom]));
+                let [xs, ys] = [(left, right, pixel[0], columns), (top, bottom, pixel[1], rows)]
+                    .map(|(from, to, size, all)| {
+                        (from / size) as usize..((to / size).ceil() as usize).min(all)
+                    });
+                labels.iter().all(|other| are_apart(label, other))
+                    && ys.clone().all(|y| xs.clone().all(|x| is_free(y * columns + x)))
+                    && covered.count() as f32 <= MAX_COVERED_SHARE * points.len() as f32
+            },
+        ));
     }
     // All but the gaps.
-    let in_gap = |at: &[f32; 2]| labels.iter().any(|label| label.contains(*at));
+    let gaps: Vec<[f32; 4]> = labels.iter().map(|label| bounds(canvas, label)).collect();
+    let in_gap = |at: &[f32; 2]| gaps.iter().any(|gap| is_within(*at, *gap));
     let pieces: Vec<&[[f32; 2]]> = lines
         .iter()
         .flat_map(|(_, points)| points.chunk_by(|a, b| in_gap(a) == in_gap(b)))
@@ -127,64 +123,40 @@ pub fn draw(
     labels
 }
 
-fn are_apart(label: &Label, other: &Label, canvas: &Canvas) -> bool {
-    let least = if label.text == other.text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
-    let [across, down] = [0, 1].map(|axis| (label.middle[axis] - other.middle[axis]).abs());
-    // In characters' heights, which are twice their widths.
-    let (width, height) = canvas.character;
-    (across / (2 * width) as f32).hypot(down / height as f32) >= least
+/// Returns the left, upper, right and lower edges of a label, in pixels.
+fn bounds(canvas: &Canvas, label: &Label) -> [f32; 4] {
+    let ([x, y], (across, down)) = (canvas.label_middle(label), canvas.character);
+    let [right, below] = [0.5 * (label.text.len() * across) as f32, 0.5 * down as f32];
+    [x - right, y - below, x + right, y + below]
 }
 
-/// Finds a place for a label on a line through `points`: the one nearest to `near` that `has_room`.
-fn place(
-    canvas: &Canvas,
-    text: &str,
-    points: &[[f32; 2]],
-    near: [f32; 2],
-    has_room: impl Fn(&Label) -> bool,
-) -> Option<Label> {
-    let (width, height) = canvas.character;
-    let off = |n: &usize| (points[*n][0] - near[0]).hypot(points[*n][1] - near[1]);
-    let mut places: Vec<usize> = (0..points.len()).collect();
-    places.sort_by(|a, b| off(a).total_cmp(&off(b)));
-    let (text, mut tried) = (text.to_owned(), None);
-    places.into_iter().find_map(|n| {
-        let label = if canvas.is_fine {
-            let high = LABEL_HEIGHT * height as f32;
-            let size = [text_width(&text, high) + MARGIN * high, high];
-            let half = (0.5 * size[0] / STEP).ceil() as usize;
-            let ends = [*points.get(n.checked_sub(half)?)?, *points.get(n + half)?];
-            let [x, y] = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
-            let long = x.hypot(y);
-            let is_straight = long >= LEAST_STRAIGHTNESS * STEP * (2 * half) as f32;
-            let middle = [0.5 * (ends[0][0] + ends[1][0]), 0.5 * (ends[0][1] + ends[1][1])];
-            let along = [x / long, y / long];
-            let text = text.clone();
-            (is_straight && off(&n) >= size[0]).then(|| Label {
-                text,
-                middle,
-                size,
-                along,
-                area: Rect::default(),
-            })?
-        } else {
-            let [column, row] = [points[n][0] as usize / width, points[n][1] as usize / height];
-            let count = text.len();
-            let frame = canvas.frame.area;
-            let left = column.checked_sub(count / 2)?;
-            if left + count > usize::from(frame.width)
-                || tried.replace((left, row)) == Some((left, row))
-            {
-                return None;
-            }
-            let area = Rect::new(frame.x + left as u16, frame.y + row as u16, count as u16, 1);
-            let size = [(count * width) as f32, height as f32];
-            let middle =
-                [(left * width) as f32 + 0.5 * size[0], (row as f32 + 0.5) * height as f32];
-            Label { text: text.clone(), middle, size, along: [1.0, 0.0], area }
-        };
-        has_room(&label).then_some(label)
-    })
+fn is_within([x, y]: [f32; 2], [left, top, right, bottom]: [f32; 4]) -> bool {
+    x >= left && x < right && y >= top && y < bottom
+}
+
+fn are_apart(label: &Label, other: &Label) -> bool {
+    let least = if label.text == other.text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
+    let middle = |label: &Label| f32::from(label.at.x) + 0.5 * label.text.len() as f32;
+    let down = f32::from(label.at.y.abs_diff(other.at.y));
+    // In characters' heights, which are twice their widths.
+    (0.5 * (middle(label) - middle(other))).hypot(down) >= least
+}
+
+/// Returns the places for a label of `count` characters on a line through `points`, those nearest to
+/// `near` first.
+fn places(canvas: &Canvas, count: usize, points: &[[f32; 2]], near: [f32; 2]) -> Vec<Position> {
+    let ((width, height), frame) = (canvas.character, canvas.frame.area);
+    let off = |at: &[f32; 2]| (at[0] - near[0]).hypot(at[1] - near[1]);
+    let mut points = points.to_vec();
+    points.sort_by(|a, b| off(a).total_cmp(&off(b)));
+    let place = |at: &[f32; 2]| {
+        let [column, row] = [at[0] as usize / width, at[1] as usize / height];
+        let left = column.checked_sub(count / 2)?;
+        let fits = left + count <= usize::from(frame.width) && row < usize::from(frame.height);
+        fits.then(|| Position::new(frame.x + left as u16, frame.y + row as u16))
+    };
+    let mut known = HashSet::new();
+    points.iter().filter_map(place).filter(|at| known.insert(*at)).collect()
 }
 
 /// Returns a line without its corners, as points that are [`STEP`] apart.

@@ -7,8 +7,6 @@ use super::theme::ColourDepth;
 pub enum Overlay {
     /// Contour lines of equal distance, labelled with it.
     Contours,
-    /// Directions the actor would take.
-    Directions,
     /// Unvisited cells, and the edge of the known world.
     Unexplored,
     /// Exploring agents, their trails, and their goals at the frontier.
@@ -24,9 +22,8 @@ pub enum Overlay {
 
 impl Overlay {
     /// All overlays.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 7] = [
         Self::Contours,
-        Self::Directions,
         Self::Unexplored,
         Self::Agents,
         Self::Candidates,
@@ -38,7 +35,6 @@ impl Overlay {
     pub fn name(self) -> &'static str {
         match self {
             Self::Contours => "contours",
-            Self::Directions => "actor's direction",
             Self::Unexplored => "unvisited cells",
             Self::Agents => "exploring agents",
             Self::Candidates => "bridge candidates",

@@ -6,10 +6,6 @@ use ratatui::layout::{Position, Rect};
 
 use crate::tui::marker::Marker;
 
-/// Characters between two arrows, across and down.
-const ARROW_SPACING: (usize, usize) = (4, 2);
-
-/// The part of the map to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewport {
     /// Magnification compared to showing the whole map; 1 for the whole map.
@@ -24,7 +20,6 @@ impl Default for Viewport {
     }
 }
 
-/// Placement of the map on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapFrame {
     pub area: Rect,
@@ -69,7 +64,6 @@ impl MapFrame {
         Some(Self { area, raster: Raster { window, pixels }, marker: marker.resolved(scale) })
     }
 
-    /// Returns the characters per cell of the map, along a row.
     pub fn scale(&self) -> f32 {
         f32::from(self.area.width) / self.raster.window[2]
     }
@@ -92,15 +86,6 @@ impl MapFrame {
             left + share(at.x.saturating_sub(self.area.x), self.area.width) * width,
             top + share(at.y.saturating_sub(self.area.y), self.area.height) * height,
         ]
-    }
-
-    /// Returns the positions on the map at which the actor's directions are shown.
-    pub fn arrows(&self) -> Vec<[f32; 2]> {
-        let (across, down) = ARROW_SPACING;
-        let rows = (self.area.y..self.area.bottom()).step_by(down);
-        let characters = rows
-            .flat_map(|y| (self.area.x..self.area.right()).step_by(across).map(move |x| (x, y)));
-        characters.map(|(x, y)| self.middle_of(Position::new(x, y))).collect()
     }
 
     /// Returns all cells shown by the character at a screen position: at least one, or none outside

@@ -50,7 +50,6 @@ const LEAST_GAIN_BELOW: f32 = 1.25;
 const WIDE_SCREEN: u16 = 110;
 const VERY_WIDE_SCREEN: u16 = 160;
 
-/// What is drawn on, what is drawn, and where it is.
 pub struct Page<'a, 'b> {
     frame: &'a mut Frame<'b>,
     screen: &'a Screen,
@@ -125,9 +124,7 @@ pub fn draw_panes(
 /// Where the panel with the panes goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Panel {
-    /// Beside the map, with this many columns.
     Beside(u16),
-    /// Below the map, with this many rows.
     Below(u16),
     Nowhere,
 }
@@ -181,7 +178,6 @@ pub fn too_small(frame: &mut Frame, what: &str, (columns, rows): (u16, u16)) {
     frame.render_widget(Paragraph::new(lines.join("\n")).centered(), middle);
 }
 
-/// Returns the middle of `area`, at most `width` by `height`.
 pub fn middle(area: Rect, width: u16, height: u16) -> Rect {
     area.centered(
         Constraint::Length(width.min(area.width)),

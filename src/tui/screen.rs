@@ -76,8 +76,6 @@ pub struct Screen {
     pub least_farthest: f32,
     /// Minimum contour interval in steps, shared likewise.
     pub least_contour_interval: f32,
-    /// The exploring agent followed instead of the walking one.
-    pub following: Option<usize>,
     /// The saved run that is offered.
     pub offer: Option<Description>,
     /// Since when the line over the map is shown, until it goes away.
@@ -125,7 +123,6 @@ impl Screen {
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,
-            following: None,
             offer: None,
             banner: Some(clock::now()),
             past: None,

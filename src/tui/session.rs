@@ -74,7 +74,7 @@ impl Cx {
         self.link.engine().snapshots()
     }
 
-    pub fn views(&self) -> watch::Receiver<View> {
+    pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.link.viewer().views()
     }
 
@@ -96,7 +96,7 @@ impl Cx {
 pub struct Session {
     pub cx: Cx,
     snapshots: watch::Receiver<Arc<Snapshot>>,
-    views: watch::Receiver<View>,
+    views: watch::Receiver<Arc<View>>,
     pub saver: Saver,
     pub exports: Exports,
     /// Looks for a saved run to offer.
@@ -169,7 +169,7 @@ impl Session {
         let Self { cx, saver, guide, .. } = self;
         saver.start_run(&cx.screen.snapshot);
         cx.screen.log.start_run(&cx.screen.snapshot.notes.log);
-        (cx.screen.following, cx.screen.offer) = (None, None);
+        cx.screen.offer = None;
         guide.forget(&mut cx.screen);
         cx.return_to_present();
         cx.screen.layout = ScreenLayout::default();
@@ -457,7 +457,7 @@ impl Session {
         }
     }
 
-    pub fn on_view(&mut self, view: View) {
+    pub fn on_view(&mut self, view: Arc<View>) {
         let Cx { screen, scene, link, .. } = &mut self.cx;
         // The past can be looked at on a frozen screen.
         if !screen.frozen || screen.past.is_some() {

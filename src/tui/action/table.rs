@@ -250,11 +250,6 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .help("when @ arrives: restart, visit other goals, or stay")
         .also("tour loop repeat")
         .own(Comparison::next_on_arrival),
-    watch(A::Follow, "follow", &["f"], |s, _| view::follow_next(s))
-        .help("follow the next exploring agent")
-        .also("track watch explorer rollout trajectory episode")
-        .alone("both sides show the walking agents @")
-        .in_present(),
 ];
 
 /// A row for an arrow key.
@@ -276,9 +271,6 @@ const VIEW: &[Binding] = &[
         .in_present(),
     overlay(Overlay::Contours, "contours", &["c"])
         .about("contour lines, on or off", "isolines levels overlay layer hide show"),
-    overlay(Overlay::Directions, "directions", &["r"])
-        .help("the actor's directions, on or off")
-        .also("arrows policy actions gradient vector field quiver overlay layer hide show"),
     overlay(Overlay::Unexplored, "unvisited", &["x"])
         .help("unvisited cells and their edge, on or off")
         .also("unexplored exploration frontier fog coverage overlay layer hide show"),
@@ -347,7 +339,7 @@ const PANES: &[Binding] = &[
     pane(Pane::Curves, "curves", &["2"])
         .help("curves of success, coverage, losses and errors")
         .also("plots charts graphs history loss td bellman error tensorboard pane panel"),
-    pane(Pane::Walk, "walk", &["3"]).about("the followed agent", "pane panel"),
+    pane(Pane::Walk, "walk", &["3"]).about("the walking agent", "pane panel"),
     pane(Pane::Legend, "legend", &["4"])
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
     pane(Pane::Log, "log", &["5"])

@@ -18,13 +18,10 @@ const MAX_NAME_LINES: usize = 2;
 /// Columns that names of curves keep where there is no room.
 const MIN_NAME_COLUMNS: usize = 10;
 
-/// A curve, with its name.
 pub struct Curve {
     pub name: String,
     pub style: Style,
-    /// The characters it is drawn with.
     pub marker: Marker,
-    /// Its points, from left to right.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -35,12 +32,9 @@ impl Curve {
     }
 }
 
-/// A line of a chart.
 pub struct Line<'a> {
     pub style: Style,
-    /// The characters it is drawn with.
     pub marker: Marker,
-    /// Its points, from left to right.
     pub points: &'a [(f64, f64)],
 }
 
@@ -86,7 +80,6 @@ fn name_lines(
     lines
 }
 
-/// The axes of a chart.
 pub struct Axes {
     /// The bounds across, and what they count.
     pub x: [f64; 2],

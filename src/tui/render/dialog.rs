@@ -105,7 +105,6 @@ fn list_width(picker: &Picker, most: u16) -> usize {
         .min(usize::from(most.min(MAX_LIST_SIZE.0)))
 }
 
-/// Returns the columns of the labels in a list of `columns`.
 fn label_width(picker: &Picker, columns: usize) -> usize {
     picker.items().map(|item| display_width(&item.label)).max().unwrap_or(0).min(columns * 2 / 3)
 }

@@ -20,7 +20,6 @@ use crate::tui::text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wra
 const TWO_PANE_ROWS: u16 = 30;
 const THREE_PANE_ROWS: u16 = 48;
 
-/// Minimum width of each column of panes.
 const MIN_COLUMN_WIDTH: u16 = 36;
 
 pub fn draw(page: &mut Page, area: Rect) {
@@ -93,8 +92,7 @@ fn draw_pane(page: &mut Page, area: Rect, pane: Pane) {
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
-        Pane::Walk if screen.following.is_some() => "exploring agent",
-        Pane::Walk => scene.walk_title(),
+        Pane::Walk => "walk @ \u{2192} G",
         Pane::Legend => "legend",
         Pane::Log => "event log",
     };

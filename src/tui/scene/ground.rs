@@ -22,7 +22,6 @@ const HATCH_SPACING: f32 = 0.5;
 const COARSE_SPACING: usize = 4;
 const MONO_SPACING: usize = 8;
 
-/// What is known of the ground.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Its value, if any.
@@ -35,24 +34,20 @@ pub enum Kind {
     Outside,
 }
 
-/// What a pixel shows of the ground.
 #[derive(Clone, Copy)]
 pub struct Look {
     pub kind: Kind,
-    /// The share of walls in it.
     pub wall: f32,
     /// Whether it may be at the edge of the known world.
     pub is_edge: bool,
 }
 
 impl Look {
-    /// Returns the look of known ground.
     pub fn plain(wall: f32) -> Self {
         Self { kind: Kind::Plain, wall, is_edge: false }
     }
 }
 
-/// The colours of values.
 pub struct Colours<'a> {
     pub theme: &'a Theme,
     pub field: Field,

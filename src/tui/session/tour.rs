@@ -119,7 +119,7 @@ impl Guide {
             maze.editor.close();
             maze.viewport = Viewport::default();
         }
-        (cx.screen.maximised, cx.screen.following) = (false, None);
+        cx.screen.maximised = false;
         for overlay in [Overlay::Contours, Overlay::Agents, Overlay::Path] {
             show_overlay(overlay, true, cx);
         }
@@ -240,7 +240,7 @@ impl Tour {
 
     /// Sends the agent off again a while after it has arrived.
     fn walk_again(&mut self, cx: &mut Cx) {
-        let walk = cx.scene.maze().map(|maze| maze.view.walk);
+        let walk = cx.scene.maze().map(|maze| &maze.view.reach);
         if !walk.is_some_and(|walk| walk.arrived || walk.gave_up) {
             self.arrived_at = None;
             return;
@@ -293,7 +293,7 @@ fn edit_cells(cells: &[Cell], free: bool, cx: &mut Cx) -> bool {
         let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
         if !done(&map) {
             let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
-            let new = changed.and_then(|new| maze.editor.offer(&map, new));
+            let new = changed.filter(|new| *new != *map).map(Arc::new);
             maze.change_map(new, screen, link);
         }
         done(&maze.map)

@@ -43,19 +43,19 @@ fn distances_over_each_place_are_the_sums_of_both_parts() {
     // The view may be of earlier networks at first.
     wait_until(&mut app, |app| {
         let (maze, policy) = (app.maze(), &app.screen.snapshot.networks.policy);
-        let (Field::OverEach, Some(raster)) = (maze.view.kind, maze.view.raster) else {
+        let (Field::OverEach, Some((field, raster))) = (maze.view.kind, maze.view.field()) else {
             return false;
         };
-        let (start, goal) = (maze.view.walk.start, maze.goal.centre());
+        let (start, goal) = (&maze.view.reach.start, maze.goal.centre());
         let (free, places) = raster.free_ground(&maze.map);
         let sum = |at: &[f32; 2]| {
             let part = |from: &[f32], to: &[f32]| {
                 policy.distance(from, to, &mut gdg::learn::Scratch::default())
             };
-            part(&start, at) + part(at, &goal)
+            part(start, at) + part(at, &goal)
         };
         let mut all = free.iter().zip(&places);
-        all.all(|(i, at)| (maze.view.field[*i] - sum(at)).abs() < 0.01)
+        all.all(|(i, at)| (field[*i] - sum(at)).abs() < 0.01)
     });
 }
 
@@ -70,11 +70,11 @@ fn every_field_can_be_shown() {
         let asked = app.screen.field;
         wait_until(&mut app, |app| {
             app.maze().view.kind == asked
-                && (asked == Field::Plain || !app.maze().view.field.is_empty())
+                && (asked == Field::Plain || app.maze().view.field().is_some())
         });
         assert!(shown_by(&mut app, 80, 24).contains(asked.name()), "{asked:?} is named");
-        let (field, raster) =
-            (app.maze().view.field.clone(), app.maze().view.raster.expect("a raster"));
+        let view = app.maze().view.clone();
+        let (field, raster) = view.field().expect("a field");
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {

@@ -52,10 +52,9 @@ fn a_resumed_run_goes_on_with_its_goal() {
 fn lines_over_the_map_go_away_after_ten_seconds() {
     type Shows<'a> = (&'a str, &'a dyn Fn(&mut App));
     let folder = tempfile::tempdir().expect("a folder");
-    let shows: [Shows; 3] = [
+    let shows: [Shows; 2] = [
         ("click: a new goal", &|app| app.screen.first_run = true),
         ("r resumes", &|app| offer(saved_run(folder.path(), app), &mut app.screen)),
-        ("drag: walls", &|app| app.act(Action::ToggleEdit)),
     ];
     for (line, show) in shows {
         let mut app = still();
@@ -83,8 +82,8 @@ fn the_first_walk_starts_at_the_maps_own_start() {
     let map =
         parse_map("start", b"..........\n.......S..\n..........\nG.........\n").expect("a map");
     let mut app = app_on(map, gdg());
-    wait_until(&mut app, |app| app.maze().view.walk.steps > 0);
-    assert_eq!(app.maze().view.walk.start, Cell::new(7, 1).centre());
+    wait_until(&mut app, |app| app.maze().view.reach.steps > 0);
+    assert!(app.maze().view.reach.start.iter().map(|at| at.floor()).eq([7.0, 1.0]));
 }
 
 #[test]
@@ -97,13 +96,17 @@ fn a_goal_without_a_path_is_said_and_marked() {
     let said = |app: &App| {
         app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count()
     };
-    wait_until(&mut app, |app| !app.maze().view.path.is_empty() && app.maze().view.walk.steps > 0);
+    wait_until(&mut app, |app| {
+        !app.maze().view.reach.path.is_empty() && app.maze().view.reach.steps > 0
+    });
     assert_eq!(said(&app), 0, "@ and G are on the same side");
     app.set_goal(Cell::new(12, 0));
-    wait_until(&mut app, |app| app.maze().view.goal.0 == Some(Cell::new(12, 0)));
-    wait_until(&mut app, |app| app.maze().view.walk.steps > 3 && app.maze().view.raster.is_some());
+    wait_until(&mut app, |app| app.maze().view.goal.0 == Some(vec![12.5, 0.5]));
+    wait_until(&mut app, |app| {
+        app.maze().view.reach.steps > 3 && app.maze().view.field().is_some()
+    });
     assert_eq!(said(&app), 1, "once");
-    assert!(app.maze().view.path.is_empty(), "a line through the wall is no plan");
+    assert!(app.maze().view.reach.path.is_empty(), "a line through the wall is no plan");
     assert!(shown_by(&mut app, 80, 24).contains('\\'), "floor without a path is hatched");
 }
 

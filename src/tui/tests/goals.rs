@@ -8,10 +8,9 @@ use super::*;
 use crate::tui::action::Action;
 use crate::tui::panes::Pane;
 use gdg::bridge::EdgeStatus;
-use gdg::env::{EnvError, Environment, PointMaze, Rendering, Spec};
+use gdg::env::{EnvError, Environment, PointMaze, Spec};
 use gdg::train::DataSource;
-use gdg::viewer::space::Plane;
-use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
+use gdg::viewer::{Candidate, Graph, Plane, Reach, View};
 
 /// A maze that does not say that it is one, with a third number in its goals: the sum of the others.
 struct Unknown {
@@ -90,7 +89,7 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
             (right - goal[0]).abs().max((-down - goal[1]).abs())
         };
         let candidate = |at: Vec<f32>| Candidate { at, degree: 0.5 };
-        SpaceView {
+        View {
             goal: (Some(goal.clone()), 1),
             fields: Arc::new(vec![(0..plane.raster.len()).map(value).collect()]),
             planes: Arc::new(vec![plane]),
@@ -105,6 +104,7 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
                 start: place(1.5, 3.5),
                 at: place(4.5, 3.2),
                 path: vec![place(7.5, 2.5), goal.clone()],
+                way: vec![place(4.5, 3.2), place(7.5, 2.5), goal.clone()],
                 trail: vec![place(3.5, 3.4), place(4.5, 3.2)],
                 steps: 3,
                 left: 9.1,
@@ -113,40 +113,15 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
                 finished: (3, 4),
                 ..Reach::default()
             },
-            ..SpaceView::default()
+            ..View::default()
         }
     };
     // What is known of the space decides which part is shown.
-    app.on_view(View::Space(Arc::new(view(plane))));
+    app.on_view(Arc::new(view(plane)));
     draw(&mut app, width, height);
     let plane = app.screen.layout.projections[0].plane.clone();
-    app.on_view(View::Space(Arc::new(view(plane))));
+    app.on_view(Arc::new(view(plane)));
     app
-}
-
-#[test]
-fn the_worlds_own_picture_is_beside_the_space_if_there_is_one() {
-    // Dark, but for a green floor.
-    let mut app = staged_app(120, 40);
-    app.act(Action::Alone);
-    let pixel = |i: usize| if i < 2 * 16 { [20, 20, 30] } else { [30, 200, 60] };
-    let picture = Rendering::new(16, (0..16 * 8).map(pixel).collect());
-    let mut view = (*app.space().view).clone();
-    let mut with = |picture, app: &mut Still| {
-        view.picture = Some(picture);
-        app.on_view(View::Space(Arc::new(view.clone())));
-        let shown = shown_by(app, 120, 40);
-        (app.screen.layout.projections[0].frame.area.width, shown)
-    };
-    let (beside, _) = with(Ok(Arc::new(picture)), &mut app);
-    assert!(app.screen.layout.picture.is_some());
-    let floor = ratatui::style::Color::Rgb(30, 200, 60);
-    let drawn = draw(&mut app, 120, 40);
-    assert!(drawn.backend().buffer().content.iter().any(|cell| cell.bg == floor));
-    // Where there is none, the space has the width again, and the notice says why.
-    let (alone, shown) = with(Err("gladLoadGL error".to_owned()), &mut app);
-    assert!(shown.contains("no picture of the world: gladLoadGL error"), "{shown}");
-    assert!(alone > beside && app.screen.layout.picture.is_none());
 }
 
 #[test]
@@ -173,13 +148,9 @@ fn a_run_that_learns_from_data_says_so_instead_of_agents() {
     app.change_snapshot(|snapshot| {
         (snapshot.data, snapshot.agents) = (Some(Arc::new(source)), Arc::default());
     });
-    type_text(&mut app, "f");
     app.act(Action::Show(Pane::Training));
     let shown = shown_by(&mut app, 120, 40);
     assert!(shown.contains("walks.npz") && shown.contains("1,000,000 recorded"), "{shown}");
-    app.act(Action::Show(Pane::Walk));
-    let shown = shown_by(&mut app, 80, 24);
-    assert!(shown.contains("do not act:") && shown.contains("learns from data"), "{shown}");
 }
 
 #[test]
@@ -211,7 +182,7 @@ fn an_unknown_world_is_trained_and_drawn_at_every_size() {
     };
     wait_until(&mut app, shows_d);
     for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
-        for keys in ["", "P", "Z", "v", "v", "d", "m", "m", "n", "w", "f"] {
+        for keys in ["", "P", "Z", "v", "v", "d", "m", "m", "n", "w"] {
             type_text(&mut app, keys);
             draw(&mut app, width, height);
         }

@@ -5,12 +5,12 @@ use ratatui::layout::Rect;
 use super::staged::staged_app;
 use super::*;
 use crate::tui::graphics::patches::Patches;
-use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};
+use crate::tui::graphics::{Graphics, Picture, Redraw};
 use crate::tui::layers::Overlay;
 use crate::tui::marker::Marker;
 use crate::tui::theme::Rgb;
 
-const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+const GRAPHICS: Graphics = Graphics { character: (8, 16) };
 
 /// Returns an app on a terminal that shows pictures.
 fn app_with_pictures() -> App {
@@ -26,7 +26,8 @@ fn app_with_field(columns: u16, rows: u16) -> App {
     hide_overlays(&mut app);
     draw(&mut app, columns, rows);
     wait_until(&mut app, |app| {
-        app.maze().view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
+        app.maze().view.field().map(|(_, raster)| raster)
+            == app.screen.layout.map.as_ref().map(|map| map.raster)
     });
     draw(&mut app, columns, rows);
     app
@@ -83,24 +84,27 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
 fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
     let mut app = app_with_field(80, 24);
     let (walker, ground) = ([1.5, 3.5], [4.5, 1.5]);
-    Arc::make_mut(&mut app.maze_mut().view).walk.start = walker;
+    Arc::make_mut(&mut app.maze_mut().view).reach.start = walker.to_vec();
     let shown = |app: &mut App, redraw| {
         app.set_graphics(Some(GRAPHICS), redraw);
         draw(app, 80, 24);
         [colour(app, ground, [0.0; 2]), colour(app, walker, [0.0; 2])]
     };
     let before = shown(&mut app, Redraw::All);
-    // All distances are larger, and the walk begins elsewhere.
+    let scale = |view: &mut View, by: f32| {
+        Arc::make_mut(&mut view.fields)[0].iter_mut().for_each(|value| *value *= by);
+    };
+    // All distances are smaller, and the walk begins elsewhere.
     let view = Arc::make_mut(&mut app.maze_mut().view);
-    view.field = Arc::new(view.field.iter().map(|value| 0.1 * value).collect());
-    view.walk.start = [ground[0] + 3.0, ground[1]];
+    scale(view, 0.1);
+    view.reach.start = vec![ground[0] + 3.0, ground[1]];
     let [same, moved] = shown(&mut app, Redraw::Moving);
     assert!(same == before[0] && moved != before[1]);
     let [other, _] = shown(&mut app, Redraw::All);
     assert_ne!(other, before[0]);
     // Another goal is shown at once.
     let view = Arc::make_mut(&mut app.maze_mut().view);
-    view.field = Arc::new(view.field.iter().map(|value| 5.0 * value).collect());
+    scale(view, 5.0);
     view.goal.1 += 1;
     assert_ne!(shown(&mut app, Redraw::Moving)[0], other);
 }
@@ -108,7 +112,7 @@ fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
 #[test]
 fn text_over_the_map_wins() {
     let mut app = app_with_pictures();
-    let mut patches = Patches::new(Protocol::Kitty);
+    let mut patches = Patches::default();
     let before = draw(&mut app, 80, 24);
     let sent = |patches: &mut Patches, app: &App, terminal: &Terminal<TestBackend>| {
         let screen = terminal.backend().buffer();

@@ -125,14 +125,12 @@ fn the_agent_rests_where_it_arrives_before_it_walks_again() {
     let mut app = still_on(builtin("fourrooms").expect("a map"), Method::default());
     app.begin_tour();
     let sent = |app: &Still| {
-        let is_start = |request: &Request| {
-            matches!(request, Request::Maze(gdg::viewer::maze::Request::Start(_)))
-        };
+        let is_start = |request: &Request| matches!(request, Request::Start(_));
         app.requests.try_iter().filter(is_start).count()
     };
     assert_eq!(sent(&app), 1);
     advance(&mut app, Duration::from_secs(4));
-    app.change_view(|view| view.walk.arrived = true);
+    app.change_view(|view| view.reach.arrived = true);
     for (millis, expected) in [(200, 0), (1_500, 0), (700, 1)] {
         advance(&mut app, Duration::from_millis(millis));
         assert_eq!(sent(&app), expected, "after {millis} ms more");
@@ -194,7 +192,7 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     let start = [shown.state[0], shown.state[1]];
     assert_eq!(app.maze().goal, goal);
     wait_until(&mut app, |app| {
-        app.maze().view.walk.start == start && app.maze().view.walk.steps > 0
+        app.maze().view.reach.start == start && app.maze().view.reach.steps > 0
     });
     press(&mut app, KeyCode::Enter);
     assert!(app.screen.search().is_none_or(|search| *search != shown), "the next step hides it");

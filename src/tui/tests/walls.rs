@@ -19,10 +19,10 @@ fn shows_floor(frame: &MapFrame, map: &Grid, at: Position) -> bool {
 
 /// Draws an agent and the walking agent at `at`; returns how many characters they change.
 fn check(app: &mut App, at: [f32; 2], (width, height): (u16, u16)) -> usize {
-    app.change_view(|view| view.trail.clear());
+    app.change_view(|view| view.reach.at.clear());
     app.change_snapshot(|snapshot| snapshot.agents = Arc::default());
     let without = draw(app, width, height).backend().buffer().clone();
-    app.change_view(|view| view.trail = vec![at]);
+    app.change_view(|view| view.reach.at = at.to_vec());
     app.change_snapshot(|snapshot| snapshot.agents = Arc::new(at.to_vec()));
     let with = draw(app, width, height).backend().buffer().clone();
     let (frame, map) = (app.screen.layout.map.clone().expect("a map"), app.maze().map.clone());
@@ -43,7 +43,7 @@ fn agents_in_a_maze_are_never_drawn_inside_walls() {
         app.screen.overlays.toggle(overlay);
     }
     let (mut shown, mut all) = (0, 0);
-    for (marker, zoom) in [Marker::HalfBlock, Marker::Quadrant, Marker::Braille]
+    for (marker, zoom) in [Marker::HalfBlock, Marker::Quadrant]
         .into_iter()
         .flat_map(|marker| [(marker, 1.0), (marker, 1.7), (marker, 4.0)])
     {

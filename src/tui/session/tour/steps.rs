@@ -140,17 +140,13 @@ fn bending(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
 /// Returns the positions on the contour line nearest to `near`, the nearest first, and its
 /// distance.
 fn contour_near(maze: &MazeState, screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)> {
-    let (view, raster) = (&maze.view, maze.view.raster?);
+    let (view, (field, raster)) = (&maze.view, maze.view.field()?);
     if view.kind != screen.field || !view.kind.is_distance() {
         return None;
     }
-    let [left, top, width, height] = raster.window;
-    let (columns, rows) = raster.pixels;
-    let position = |i: usize| {
-        let (across, down) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
-        [left + across / columns as f32 * width, top + down / rows as f32 * height]
-    };
-    let lines = contour_paths(&view.field, columns, screen.layout.contour_interval?);
+    let columns = raster.pixels.0;
+    let position = |i: usize| raster.middle_of(i);
+    let lines = contour_paths(field, columns, screen.layout.contour_interval?);
     let nearest = |line: &ContourPath| {
         let off = line.pixels(columns).into_iter().map(|i| straight(position(i), near));
         off.fold(f32::INFINITY, f32::min)
@@ -275,7 +271,7 @@ fn over_bridge(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = shown else {
         return Caption { seen: true, ..no_bridge(maze) };
     };
-    let walk = &maze.view.walk;
+    let walk = &maze.view.reach;
     // An earlier walk has ended when the step begins.
     let seen = walk.arrived && tour.elapsed > 1.0;
     let state = if seen {
@@ -299,7 +295,7 @@ fn aim_far(tour: &mut Tour, cx: &mut Cx) {
 }
 
 fn plan(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
-    let path = points_along(&maze.view.way);
+    let path = points_along(&maze.way());
     if path.len() > tour.route.len() {
         tour.route.clone_from(&path);
     }
@@ -307,7 +303,7 @@ fn plan(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
     let text = format!(
         "G is now in the far room. {line} the plan: from bridge to bridge, each near enough to be reached reliably. @ walks it."
     );
-    let seen = maze.view.walk.arrived && tour.elapsed > 1.0;
+    let seen = maze.view.reach.arrived && tour.elapsed > 1.0;
     Caption { text, subject: [vec![maze.goal.centre()], path].concat(), marks: Vec::new(), seen }
 }
 
@@ -336,7 +332,7 @@ fn around_door(maze: &MazeState, tour: &Tour) -> Vec<[f32; 2]> {
     let place = tour.watched.place;
     let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
     let door = cells_between(door).into_iter().map(Cell::centre);
-    [vec![place], door.collect(), points_along(&maze.view.way)].concat()
+    [vec![place], door.collect(), points_along(&maze.way())].concat()
 }
 
 fn closed(maze: &MazeState, screen: &Screen, tour: &mut Tour) -> Caption {
@@ -383,6 +379,6 @@ fn now_you(maze: &MazeState, screen: &Screen, _: &mut Tour) -> Caption {
         key(Action::ToggleEdit),
         key(Action::Help)
     );
-    let walker = maze.view.trail.last().copied().unwrap_or(maze.view.walk.start);
+    let walker = maze.walker().unwrap_or(maze.goal.centre());
     Caption { text, subject: vec![maze.goal.centre(), walker], marks: Vec::new(), seen: true }
 }
