@@ -174,8 +174,7 @@ impl Canvas {
         self.cover[i] = self.cover[i].max(share);
     }
 
-    /// Covers the pixels within `radius` of a straight line between points in pixels, at least
-    /// those that it passes.
+    /// Covers the pixels within `radius` of a line between pixels, and those that it passes.
     fn trace(&mut self, ends: [[f32; 2]; 2], radius: f32) {
         let [from, to] = ends;
         let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
@@ -242,8 +241,7 @@ impl Canvas {
         }
     }
 
-    /// Draws lines of a width in characters' heights, and at least a pixel; where several cross,
-    /// they are painted once.
+    /// Draws lines of a width in characters' heights, at least a pixel, and crossings once.
     pub fn lines(&mut self, lines: impl IntoIterator<Item = [[f32; 2]; 2]>, width: f32, ink: Ink) {
         let radius = 0.5 * (width * self.unit()).max(1.0);
         for ends in lines {
@@ -280,8 +278,7 @@ impl Canvas {
         self.disc(at, radius, ink);
     }
 
-    /// Fills the pixels whose middles lie in a rectangle, from its upper left corner to the lower
-    /// right one.
+    /// Fills the pixels whose middles lie between these corners.
     pub fn rectangle(&mut self, corners: [[f32; 2]; 2], ink: Ink) {
         let [from, to] =
             corners.map(|at| self.pixel(at).map(|along| (along + 0.5).max(0.0) as usize));
@@ -322,35 +319,12 @@ impl Canvas {
         self.text(&symbol.to_string(), self.pixel(at), 0.8 * self.unit(), true, ink);
     }
 
-    /// Draws a flag whose pole stands at a position, or `symbol` as a character.
-    pub fn flag(&mut self, at: [f32; 2], symbol: char, rgb: Rgb) {
-        if !self.is_fine {
-            return self.symbol(at, symbol, Some(rgb));
+    /// Draws a mark: in pictures a disc, or `symbol` as a character.
+    pub fn mark(&mut self, at: [f32; 2], symbol: char, rgb: Rgb) {
+        if self.is_fine {
+            return self.agent(at, 0.15, Ink::new(rgb, 1.0, symbol));
         }
-        let (unit, [x, y]) = (self.unit(), self.pixel(at));
-        for (more, ink) in [(1.0, Ink::new(SHADOW, 0.6, symbol)), (0.0, Ink::new(rgb, 1.0, symbol))]
-        {
-            self.trace([[x, y], [x, y - 0.8 * unit]], 0.04 * unit + more);
-            for n in 0..=8 {
-                let from = [x, y - unit * (0.4 + 0.05 * n as f32)];
-                self.trace([from, [x + 0.5 * unit, y - 0.6 * unit]], 0.03 * unit + more);
-            }
-            self.apply(ink);
-        }
-    }
-
-    pub fn cursor(&mut self, at: [f32; 2], rgb: Rgb) {
-        if !self.is_fine {
-            return self.letter(at, '+', rgb, 0.0);
-        }
-        let ([x, y], unit) = (self.pixel(at), self.unit());
-        for (more, ink) in [(1.0, Ink::new(SHADOW, 0.6, '+')), (0.0, Ink::new(rgb, 1.0, '+'))] {
-            for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
-                let ends = [0.15, 0.6].map(|by| [x + by * unit * dx, y + by * unit * dy]);
-                self.trace(ends, 0.05 * unit + more);
-            }
-            self.apply(ink);
-        }
+        self.symbol(at, symbol, Some(rgb));
     }
 
     /// Draws contour lines through points in pixels, in colours that are visible on their ground.
@@ -441,8 +415,6 @@ impl Label {
 /// Free ground without colours, from near (or good) to far.
 pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
 
-/// Returns the character that stands for a share (from 0 to 1) of the largest value without
-/// colours.
 pub fn shade(share: f32) -> char {
     SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }

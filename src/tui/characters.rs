@@ -70,8 +70,7 @@ impl Canvas {
             .set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
 
-    /// Writes signs without a colour of their own, then labels unless something hides them, then
-    /// all other signs and letters.
+    /// Writes signs without a colour, labels that nothing hides, then other signs and letters.
     pub fn paint_signs(&self, buffer: &mut Buffer, theme: &Theme) {
         let own = |sign: &Sign| match sign {
             Sign::Letter(at, ..) | Sign::Symbol(at, _, Some(_)) => self.frame.character_of(*at),

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use ratatui::layout::Position;
 
-use super::canvas::{Canvas, Ground, Label};
+use super::canvas::{Canvas, Label};
 use super::theme::Theme;
 use gdg::draw::{contour_interval, contour_paths};
 
@@ -12,8 +12,7 @@ use gdg::draw::{contour_interval, contour_paths};
 const SPACING: f32 = 6.0;
 const PICTURE_SPACING: f32 = 3.0;
 
-/// Relative deviation from that distance before the interval changes, so that it does not flip back
-/// and forth as the field changes.
+/// Relative deviation from that distance before the interval changes, so that it does not flip.
 const TOLERANCE: f32 = 0.15;
 
 /// Width of a line in a picture, as a share of a character's height.
@@ -29,12 +28,7 @@ const MAX_COVERED_SHARE: f32 = 0.6;
 /// The distance of neighbouring points of a line in a picture, in pixels.
 const STEP: f32 = 3.0;
 
-/// Values beside a wall are continued into it if they differ by at most this many intervals:
-/// otherwise they belong to different sides of it.
-const MAX_JUMP: f32 = 1.5;
-
-/// Returns the common interval of the lines of `fields`, each with the length of its rows; `before`
-/// if that is nearly right.
+/// Returns the common interval of the lines of `fields`; `before` if that is nearly right.
 pub fn interval(fields: &[(&[f32], usize)], is_fine: bool, before: Option<f32>) -> Option<f32> {
     let apart = if is_fine { PICTURE_SPACING } else { SPACING };
     let with = |spacing: f32| {
@@ -63,15 +57,7 @@ pub fn draw(
         canvas.raster.pixels.0 as f32 / columns as f32,
         canvas.raster.pixels.1 as f32 / rows as f32,
     ];
-    let paths = if canvas.is_fine {
-        contour_paths(
-            &continued_into_walls(canvas, field, columns, pixel, interval),
-            columns,
-            interval,
-        )
-    } else {
-        contour_paths(field, columns, interval)
-    };
+    let paths = contour_paths(field, columns, interval);
     // The number of the line at each value, counted from 1; 0 if there is none.
     let mut line_at = vec![0; field.len()];
     let mut lines: Vec<(f32, Vec<[f32; 2]>)> = Vec::new();
@@ -142,8 +128,7 @@ fn are_apart(label: &Label, other: &Label) -> bool {
     (0.5 * (middle(label) - middle(other))).hypot(down) >= least
 }
 
-/// Returns the places for a label of `count` characters on a line through `points`, those nearest to
-/// `near` first.
+/// Returns the places for a label of `count` characters on a line, those nearest to `near` first.
 fn places(canvas: &Canvas, count: usize, points: &[[f32; 2]], near: [f32; 2]) -> Vec<Position> {
     let ((width, height), frame) = (canvas.character, canvas.frame.area);
     let off = |at: &[f32; 2]| (at[0] - near[0]).hypot(at[1] - near[1]);
@@ -185,36 +170,4 @@ fn smooth(mut points: Vec<[f32; 2]>) -> Vec<[f32; 2]> {
     }
     even.extend(points.last());
     even
-}
-
-/// Continues the field by one value into walls, so that lines reach them.
-fn continued_into_walls(
-    canvas: &Canvas,
-    field: &[f32],
-    columns: usize,
-    pixel: [f32; 2],
-    interval: f32,
-) -> Vec<f32> {
-    let mut continued = field.to_vec();
-    for (i, value) in continued.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
-        let (x, y) = (i % columns, i / columns);
-        let middle = [(x as f32 + 0.5) * pixel[0], (y as f32 + 0.5) * pixel[1]];
-        let shown = middle[1] as usize * canvas.columns() + middle[0] as usize;
-        if canvas.grounds.get(shown) == Some(&Ground::Floor) {
-            continue;
-        }
-        let around = (y.saturating_sub(1)..=y + 1)
-            .flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
-        let known =
-            around.filter(|(x, _)| *x < columns).filter_map(|(x, y)| field.get(y * columns + x));
-        let (mut least, mut most, mut sum, mut count) =
-            (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0);
-        for own in known.filter(|own| own.is_finite()) {
-            (least, most, sum, count) = (least.min(*own), most.max(*own), sum + own, count + 1.0);
-        }
-        if count > 0.0 && most - least <= MAX_JUMP * interval {
-            *value = sum / count;
-        }
-    }
-    continued
 }

@@ -137,8 +137,7 @@ const OVERLAP: f32 = 0.15;
 /// Text and background of a page that a theme leaves to the terminal.
 const PAGE: (Rgb, Rgb) = ((222, 222, 226), (16, 16, 20));
 
-/// Draws a part of the screen with letters as text, and blocks, which fonts draw with gaps, as
-/// areas.
+/// Draws letters as text, and blocks, which fonts draw with gaps, as areas.
 fn sheet_of(screen: &Buffer, area: Rect, theme: &Theme) -> Sheet {
     let size = [f32::from(area.width) * WIDTH, f32::from(area.height) * HEIGHT];
     let mut sheet = Sheet { size, title: "gdg-tui".to_owned(), marks: Vec::new() };
@@ -210,8 +209,6 @@ const FIGURE_WIDTH: f32 = 130.0 * MILLIMETRE;
 /// A curve's name and its points: updates done by a learner, and values.
 type Series = (&'static str, Vec<(u64, f64)>);
 
-/// Draws success with coverage, errors and the critic's loss, one below the other and over the same
-/// updates.
 fn curves_figure(screen: &Screen, title: &str) -> Sheet {
     let snapshot = &screen.snapshot;
     let loss = snapshot.curve.iter().map(|point| (point.updates, f64::from(point.losses[0])));

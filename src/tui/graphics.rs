@@ -27,8 +27,7 @@ pub struct Graphics {
 const CHARACTER_SIZES: std::ops::RangeInclusive<u16> = 3..=200;
 
 impl Graphics {
-    /// Returns the capabilities that `answer` implies, with the character size that the terminal's
-    /// driver reports if it does not say it itself.
+    /// Returns the capabilities of a terminal whose driver reports this character size, if any.
     pub fn choose(answer: &Answer, character: Option<(u16, u16)>) -> Option<Self> {
         let is_sound = |(width, height): &(u16, u16)| {
             [width, height].iter().all(|n| CHARACTER_SIZES.contains(n))

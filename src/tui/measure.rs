@@ -39,11 +39,7 @@ pub struct InterfaceMeasurement {
 }
 
 impl MeasuredInterface {
-    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters, which may show
-    /// pictures, 10 x 20 pixels a character; training is paused.
-    ///
-    /// # Errors
-    /// Errors of the learner, or a thread that cannot be started.
+    /// Opens the interface with training paused; pictures have 10 x 20 pixels a character.
     pub fn open(
         trainer: Trainer,
         (columns, rows): (u16, u16),
@@ -74,9 +70,6 @@ impl MeasuredInterface {
     }
 
     /// Trains for `time`, drawing as the interface does.
-    ///
-    /// # Errors
-    /// Errors of the screen.
     pub fn measure(&mut self, time: Duration) -> std::io::Result<InterfaceMeasurement> {
         let mut frames_us = Vec::new();
         let mut timer = FrameTimer::default();

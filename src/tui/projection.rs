@@ -125,8 +125,7 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// Shows what is around `middle`, to the right and downwards in the plane's unit, in characters
-    /// whose width is 1 / `scale` of that.
+    /// Shows what is around `middle`, in characters whose width is 1 / `scale` of the plane's unit.
     fn around(
         area: Rect,
         angle: Option<Angle>,

@@ -28,8 +28,7 @@ pub struct MapFrame {
 }
 
 impl MapFrame {
-    /// Fits the part of the map given by `view` into `area`, as large as possible without
-    /// distortion.
+    /// Fits the part of the map that `view` shows into `area`.
     pub fn fit(area: Rect, map: &Grid, marker: Marker, view: Viewport) -> Option<Self> {
         if area.width == 0 || area.height == 0 {
             return None;
@@ -88,8 +87,7 @@ impl MapFrame {
         ]
     }
 
-    /// Returns all cells shown by the character at a screen position: at least one, or none outside
-    /// the map.
+    /// Returns all cells that a character shows: at least one, or none outside the map.
     pub fn cells_at(&self, at: Position, map: &Grid) -> Vec<Cell> {
         let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
         let [left, top, width, height] = self.raster.window;

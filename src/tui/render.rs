@@ -36,8 +36,7 @@ use super::text::{first_lines, wrapped};
 use super::theme::Theme;
 use gdg::text::is_active;
 
-/// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the
-/// minimum for the map.
+/// Columns of the panel, of each column of panes in a wide panel, and minimum of the map.
 const SIDE_WIDTH: u16 = 30;
 const WIDE_SIDE_WIDTH: u16 = 40;
 const MIN_MAP_WIDTH: u16 = 40;
@@ -79,8 +78,6 @@ pub fn finish_frame(frame: &mut Frame, theme: &Theme) {
     }
 }
 
-/// Draws everything but dialogs, and returns where it is; `cache` keeps what the next frame can
-/// reuse.
 pub fn draw_panes(
     frame: &mut Frame,
     screen: &Screen,
@@ -130,8 +127,7 @@ enum Panel {
 }
 
 impl Panel {
-    /// Places the panel within `body`: beside a map of that width and height, or below it if that
-    /// leaves clearly more room for the map.
+    /// Places the panel beside the map, or below it if that leaves clearly more room.
     fn place(body: Rect, [width, height]: [f32; 2]) -> Self {
         let columns = match body.width {
             w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
@@ -160,8 +156,7 @@ impl Panel {
     }
 }
 
-/// Returns `width`, or the whole width of `area` if only slivers of what is behind would stay in
-/// view.
+/// Returns `width`, or all columns of `area` if only slivers would stay in view.
 fn without_slivers(area: Rect, width: u16) -> u16 {
     if width.saturating_add(2) >= area.width { area.width } else { width }
 }

@@ -98,8 +98,7 @@ pub trait SceneKind {
 
     fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link);
 
-    /// Handles the mouse on the scene, or where nothing is clickable; returns whether it did
-    /// anything.
+    /// Handles the mouse where nothing is clickable; returns whether it did anything.
     fn on_mouse(
         &mut self,
         kind: MouseEventKind,
@@ -111,8 +110,7 @@ pub trait SceneKind {
     /// Returns to showing everything; returns whether anything changed.
     fn close(&mut self, link: &Link) -> bool;
 
-    /// Handles a drawn frame: has the viewer compute what the pixels show. `before` is the previous
-    /// layout.
+    /// Has the viewer compute what the pixels show; `before` is the previous layout.
     fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link);
 
     /// The frame of the film that is shown: the viewer's latest, to avoid flicker.

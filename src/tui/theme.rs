@@ -51,14 +51,12 @@ impl ThemeName {
 /// How much lighter distances are in the light theme.
 const LIGHT_TINT: f32 = 0.3;
 
-/// How far unvisited floor in the known world fades into the colour of unknown ground, floor
-/// beyond that world, and its hatching into the colour of walls.
-const POCKET_FADE: f32 = 0.35;
+/// How far floor beyond the known world fades into the colour of unknown ground, and its hatching
+/// into the colour of walls.
 const FADE: f32 = 0.7;
 const HATCH: f32 = 0.5;
 
-/// How far floor from which no path leads to the goal fades into the colour of walls, between the
-/// lines of its hatching and on them.
+/// How far floor without a path fades into the colour of walls, without and with hatching.
 const CUT_OFF_FADES: [f32; 2] = [0.35, 0.75];
 
 const EDGE_TINT: f32 = 0.65;
@@ -118,8 +116,6 @@ impl ColourDepth {
 }
 
 impl Theme {
-    /// The theme `name` for a terminal of `depth`. Without colours, shades and signs replace those
-    /// of every theme.
     pub fn new(name: ThemeName, depth: ColourDepth) -> Self {
         let theme = Self { depth, ..Self::in_all_colours(name) };
         match depth {
@@ -212,8 +208,6 @@ impl Theme {
         }
     }
 
-    /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far
-    /// is dark.
     pub fn distance_colour(&self, share: f32) -> Rgb {
         match &self.palette {
             Some(palette) => palette.distance(share),
@@ -236,8 +230,6 @@ impl Theme {
         self.palette.map_or_else(|| contour(ground), |palette| palette.contour(ground))
     }
 
-    /// Returns the colour of unvisited floor beyond the known world whose value has the colour
-    /// `ground`, between the lines of its hatching or on them.
     pub fn unvisited(&self, ground: Rgb, is_hatched: bool) -> Rgb {
         if let Some(palette) = &self.palette {
             return palette.unvisited[usize::from(is_hatched)];
@@ -246,12 +238,6 @@ impl Theme {
         if is_hatched { blend(faded, self.wall, HATCH) } else { faded }
     }
 
-    pub fn pocket(&self, ground: Rgb) -> Rgb {
-        if self.palette.is_some() { ground } else { blend(ground, self.unknown, POCKET_FADE) }
-    }
-
-    /// Returns the colour of floor from which no path leads to the goal, between the lines of its
-    /// hatching or on them.
     pub fn cut_off(&self, is_hatched: bool) -> Rgb {
         let fade = CUT_OFF_FADES[usize::from(is_hatched)];
         self.palette.map_or_else(
@@ -362,8 +348,7 @@ fn at(levels: &[Rgb; LEVELS], share: f32) -> Rgb {
     levels[(share.clamp(0.0, 1.0) * (LEVELS - 1) as f32).round() as usize]
 }
 
-/// Returns whether visited floor may have this colour: greys are reserved for walls and unvisited
-/// floor.
+/// Returns whether visited floor may have this colour: greys are of walls and unvisited floor.
 fn is_floor(rgb: Rgb, wall: Rgb) -> bool {
     let is_grey = rgb.0 == rgb.1 && rgb.1 == rgb.2;
     !is_grey && contrast(rgb, wall) >= LEAST_CONTRAST

@@ -27,9 +27,9 @@ const LIBRARY: [Room; 15] = [
     ("learn", 10_700),
     ("bridge", 3_300),
     ("train", 6_750),
-    ("engine", 1_300),
+    ("engine", 1_250),
     ("draw", 800),
-    ("viewer", 1_700),
+    ("viewer", 1_650),
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.
@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 1_100),
     ("headless", 900),
     ("experiment", 5_600),
-    ("tui", 24_700),
+    ("tui", 22_350),
     ("cli", 1_200),
     ("commands", 1_050),
 ];

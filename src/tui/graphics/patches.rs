@@ -50,8 +50,7 @@ impl Patches {
         self.is_behind
     }
 
-    /// Pauses updates after `end`, when the terminal has read the latest one, in proportion to the
-    /// time it `took`.
+    /// Pauses updates after `end`, when the terminal has read the latest, by the time it `took`.
     pub fn rest(&mut self, end: Instant, took: Duration, is_training: bool) {
         let factor = if is_training && !is_ahead(self.awake_until) {
             TRAINING_REST_FACTOR
@@ -79,8 +78,7 @@ impl Patches {
         self.awake_until = Some(Instant::now() + AWAKE);
     }
 
-    /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere
-    /// else.
+    /// Returns the bytes that show `pictures` where `screen` reserves places for them.
     pub fn update(
         &mut self,
         pictures: &[&Picture],

@@ -28,8 +28,7 @@ const CHART_GAP: u16 = 2;
 /// The symbol for the line at a change of the method, or at an edit of the map.
 pub const MARK: char = '\u{2506}';
 
-/// What an edit of the map is called, and the share of the window up to which the next one
-/// continues it.
+/// What an edit is called, and the share of the window up to which the next one continues it.
 pub const EDITED: &str = "map edited";
 const EDIT_SHARE: f64 = 0.02;
 
@@ -208,8 +207,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
     Some(ChartArea { area, bounds: x })
 }
 
-/// Converts a number of updates to a position on the horizontal axis: the learner's updates or, in
-/// a run without a learner, the steps.
+/// Converts updates to a position on the axis: the learner's updates or, without one, steps.
 pub fn along(screen: &Screen, updates: u64) -> f64 {
     if has_learned(screen) {
         return screen.snapshot.learned(updates) as f64;
@@ -237,8 +235,7 @@ fn marks(screen: &Screen, window: [f64; 2]) -> Vec<(f64, String)> {
     marks
 }
 
-/// Returns the edits within the window, without those that only continue another one: drawing a
-/// wall is several.
+/// Returns the edits within the window, without those that only continue another one.
 pub fn apart(edits: impl Iterator<Item = f64>, window: [f64; 2]) -> Vec<f64> {
     let gap = EDIT_SHARE * (window[1] - window[0]);
     let mut apart: Vec<f64> = Vec::new();
@@ -266,8 +263,7 @@ fn window(screen: &Screen) -> [f64; 2] {
     }
 }
 
-/// Returns the characters that line `i` is drawn with: they tell lines apart that have no colours,
-/// or the same ones.
+/// Returns the characters of line `i`, which tell lines of no colours or the same ones apart.
 pub fn marker(theme: &Theme, i: usize) -> Marker {
     let number = if theme.depth == ColourDepth::Mono { i } else { i / COLOURS };
     match ['\u{2500}', '\u{2022}', '+', 'x', 'o', '*'][number % 6] {

@@ -113,8 +113,7 @@ pub fn fitting(
     line(&keys, "")
 }
 
-/// Returns the editor's tools with as many keys as fit, and what the mouse does with the selected
-/// one if there is room. Where it is short, only the selected tool.
+/// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.
 pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let line = |tools: &[Tool], keys: &[(Action, &str)]| {
         let mut bar = ClickableLine::default();

@@ -176,8 +176,7 @@ fn distances(by_distance: &[DistanceScore]) -> String {
     }
 }
 
-/// Returns one bar per distance that has tasks, near to far. Even the tallest leaves a gap to the
-/// line above.
+/// Returns one bar per distance that has tasks; even the tallest leaves a gap above.
 fn success_bars(by_distance: &[DistanceScore]) -> String {
     const BARS: [char; 8] =
         ['_', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];

@@ -26,8 +26,6 @@ const MONO_SPACING: usize = 8;
 pub enum Kind {
     /// Its value, if any.
     Plain,
-    /// Unvisited, but only a pocket in the known world.
-    Pocket,
     Beyond,
     /// No path leads from it to the goal.
     CutOff,
@@ -55,9 +53,8 @@ pub struct Colours<'a> {
 }
 
 impl Colours<'_> {
-    /// Returns the colours of all shades and of unknown values, on ground that is plain, a pocket,
-    /// beyond the known world, and hatched there.
-    fn shades(&self) -> [Vec<Rgb>; 4] {
+    /// Returns the colours of all shades and of unknown values: plain, beyond, and hatched there.
+    fn shades(&self) -> [Vec<Rgb>; 3] {
         let theme = self.theme;
         let plain: Vec<Rgb> = (0..COUNT)
             .map(|i| {
@@ -70,12 +67,9 @@ impl Colours<'_> {
             .chain([theme.unknown])
             .collect();
         let all = |change: &dyn Fn(Rgb) -> Rgb| plain.iter().map(|rgb| change(*rgb)).collect();
-        let [pocket, beyond, hatched] = [
-            all(&|rgb| theme.pocket(rgb)),
-            all(&|rgb| theme.unvisited(rgb, false)),
-            all(&|rgb| theme.unvisited(rgb, true)),
-        ];
-        [plain, pocket, beyond, hatched]
+        let [beyond, hatched] =
+            [all(&|rgb| theme.unvisited(rgb, false)), all(&|rgb| theme.unvisited(rgb, true))];
+        [plain, beyond, hatched]
     }
 
     /// Returns the shade of a value; NaN if it is unknown.
@@ -151,7 +145,7 @@ pub fn draw(
         Kind::CutOff => (x + spacing - y % spacing) % spacing < width,
         _ => (x + y) % spacing < width,
     };
-    let [plain, pocket, beyond, hatched] = colours.shades();
+    let [plain, beyond, hatched] = colours.shades();
     let (values, value_columns) = field.unwrap_or((&[], 1));
     let shades: Vec<f32> = values.iter().map(|value| colours.shade(*value)).collect();
     let value_rows = shades.len() / value_columns;
@@ -177,7 +171,6 @@ pub fn draw(
             let is_on = matches!(kind, Kind::Beyond | Kind::CutOff) && is_hatched(x, y, kind);
             let mut rgb = match kind {
                 Kind::Plain => plain[shade],
-                Kind::Pocket => pocket[shade],
                 Kind::Beyond if is_on => hatched[shade],
                 Kind::Beyond => beyond[shade],
                 Kind::CutOff => theme.cut_off(is_on),
@@ -199,7 +192,7 @@ pub fn draw(
             if is_mono {
                 canvas.marks[i] = match kind {
                     _ if wall > 0.0 => WALL_MARK,
-                    Kind::Plain | Kind::Pocket => colours.mark(shade),
+                    Kind::Plain => colours.mark(shade),
                     Kind::Beyond if is_on => UNVISITED_MARK,
                     Kind::CutOff => CUT_OFF_MARK,
                     Kind::Beyond | Kind::Outside => ' ',

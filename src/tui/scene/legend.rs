@@ -27,8 +27,7 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 
 const MIN_TEXT_WIDTH: usize = 20;
 
-/// Returns the scale of a field's colours with the values at its ends, up to `farthest`, and a bar
-/// of `bar` characters; `None` for a field that has no colours.
+/// Returns a field's name, the values at both ends, and a bar of `bar` characters if it has one.
 pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
     let name = Span::raw(format!(" {} ", field.name()));
     let (low, high) = match field {
@@ -112,8 +111,6 @@ pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-/// Returns the numbers of walked, failed and untried edges, each followed by its text in
-/// `meanings`.
 pub fn edge_lines(
     screen: &Screen,
     graph: &Graph,
@@ -236,8 +233,7 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
     lines
 }
 
-/// Says what bridges do for the plan of the walking agent, if there are any ahead and D along them
-/// is known.
+/// Says what bridges do for the plan, if there are any ahead and D along them is known.
 fn bridges(reach: &Reach) -> Option<String> {
     let bridges = reach.path.len().saturating_sub(1);
     if bridges == 0 || reach.arrived || reach.along.is_nan() {

@@ -51,8 +51,7 @@ impl Painter<'_> {
         places.into_iter().filter_map(|place| (self.place)(place)).collect()
     }
 
-    /// Draws walked and failed edges, those nearest to `near` if there are many; below them untried
-    /// ones, if they are wanted.
+    /// Draws walked and failed edges near `near`, below them untried ones if they are wanted.
     pub fn edges(&mut self, graph: &Graph, near: [f32; 2], with_untried: bool) {
         if !self.shows(Overlay::Edges) {
             return;
@@ -153,8 +152,7 @@ impl Painter<'_> {
         stops.iter().for_each(|at| self.canvas.disc(*at, 0.17, ink));
     }
 
-    /// Draws a trail that fades towards its beginning; positions farther apart than `longest` are
-    /// not connected, as a new episode began between them.
+    /// Draws a trail that fades; a step farther than `longest` began a new episode.
     pub fn trail(&mut self, trail: &[[f32; 2]], longest: f32, width: f32, ink: Ink) {
         for (i, ends) in trail.windows(2).enumerate() {
             if (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) <= longest {

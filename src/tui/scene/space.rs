@@ -28,13 +28,11 @@ use gdg::viewer::{Field, Request, View};
 const NUDGE: f32 = 0.01;
 const NUDGE_SHARE: f32 = 0.02;
 
-/// How far a key turns the free projection, in rad, and moves the others, as a share of what they
-/// show.
+/// How far a key turns the free projection, in rad, and moves others, as a share of what they show.
 const TURN: f32 = 0.15;
 const PAN_SHARE: f32 = 0.1;
 
-/// How far a drag by a character turns the free projection, in rad: around the vertical axis, and
-/// up or down.
+/// How far a drag by a character turns the free projection, in rad: around the vertical, and up.
 const DRAG_TURN: [f32; 2] = [0.04, 0.08];
 
 /// The greatest magnification, and the zoom factor of one wheel step.
@@ -84,8 +82,7 @@ impl SpaceState {
         pairs.nth(self.pair % all).unwrap_or([0, 0])
     }
 
-    /// Returns the lowest and the highest value of a component to show: its range in `space`, and
-    /// all places known.
+    /// Returns the range of a component: that in `space`, and all places known.
     fn range(&self, axis: usize, space: &GoalSpace) -> [f32; 2] {
         let candidates = self.view.graph.candidates.iter().map(|candidate| &candidate.at);
         let places = candidates.chain([&self.goal, &self.view.reach.at]);

@@ -151,7 +151,7 @@ const ROWS: &[Row] = &[
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
     (Both, TINY, "", &["needs 60 x 18 characters"], &[]),
-    (Both, LARGE, "?", &["Only maps are saved"], &[]),
+    (Both, LARGE, "?", &["maps are saved"], &[]),
     (Both, LARGE, "o", &["not in a comparison"], &[]),
     (Both, LARGE, "ov", &[], &["not in a comparison"]),
     (Both, LARGE, ":save a checkpoint{enter}", &["not in a comparison: save a checkpoint"], &[]),

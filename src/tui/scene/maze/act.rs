@@ -107,8 +107,6 @@ impl MazeState {
         }
     }
 
-    /// Puts the walking agent where the user has clicked, or near it with a notice if that is a
-    /// wall.
     pub fn place_walker_by_click(&self, clicked: Cell, screen: &mut Screen, link: &Link) {
         place_walker(Some(clicked), screen, link);
         if let Some(start) = self.map.nearest_free(clicked).filter(|start| *start != clicked) {
@@ -158,8 +156,7 @@ impl MazeState {
         }
     }
 
-    /// Moves the editor's cursor, the inspecting one or the goal by columns to the right and rows
-    /// down.
+    /// Moves the editor's cursor, the inspecting one or the goal, right and down.
     pub fn move_by(&mut self, by: [isize; 2], screen: &mut Screen, link: &mut Link) {
         if self.editor.is_open() {
             self.editor.move_cursor(by, &self.map.clone());

@@ -183,8 +183,7 @@ impl Editor {
         self.history.get(self.shown + 1).cloned()
     }
 
-    /// Takes note that `before` has been replaced by `map`, which can be undone. The oldest edits are
-    /// dropped if maps take much memory.
+    /// Takes note that `map` has replaced `before`. The oldest edits go if maps take much memory.
     pub fn settle(&mut self, before: &Arc<Grid>, map: &Arc<Grid>) {
         if let Some(known) = self.history.iter().position(|own| Arc::ptr_eq(own, map)) {
             self.shown = known;

@@ -45,8 +45,7 @@ const AGENT_RADII: [f32; 2] = [0.12, 0.22];
 const GROUND_REST_FACTOR: u32 = 100;
 const LONGEST_GROUND_REST: Duration = Duration::from_secs(2);
 
-/// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's
-/// width and height.
+/// Maximum columns and rows of the minimap, and maximum share of the pane's, as a divisor.
 const MAX_MINIMAP: (u16, u16) = (24, 10);
 const PANE_DIVISOR: u16 = 3;
 
@@ -266,8 +265,7 @@ fn shown_cell(maze: &MazeState) -> Cell {
 struct Known<'a> {
     maze: &'a MazeState,
     field: Field,
-    /// What has been explored, if not everything has and that is shown; not of the past, as films
-    /// do not record it.
+    /// What has been explored, if not everything has and that is shown; films do not record it.
     exploration: Option<&'a Exploration>,
     /// The cells from which no path leads to the goal, if colours show distances to it.
     cut_off: &'a [bool],
@@ -297,7 +295,6 @@ impl<'a> Known<'a> {
             return Kind::CutOff;
         }
         match self.knowledge(at) {
-            Some(Knowledge::Pocket) if self.field.fades() => Kind::Pocket,
             Some(Knowledge::Beyond) if self.field.fades() => Kind::Beyond,
             _ => Kind::Plain,
         }
@@ -366,8 +363,7 @@ fn coarse_look(ground: Ground, free: impl Fn([f32; 2]) -> Look) -> Look {
     }
 }
 
-/// Returns the look of a pixel that shows the cells in these columns and rows (first, end): the
-/// more of them are wall, the darker.
+/// Returns the look of the cells in these columns and rows (first, end): the more wall, the darker.
 fn block_look(xs: (usize, usize), ys: (usize, usize), known: &Known, several: bool) -> Look {
     let map = &known.maze.map;
     if xs.0 >= map.width() || ys.0 >= map.height() {
@@ -400,8 +396,7 @@ fn spans(raster: &Raster) -> [Vec<(usize, usize)>; 2] {
     })
 }
 
-/// Draws what changes from frame to frame, the most important last: of the past, only the agents
-/// and the goal.
+/// Draws what changes from frame to frame, the most important last.
 fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     let (raster, map, view) = (canvas.raster, &maze.map, &maze.view);
     let is_fine = canvas.is_fine;
@@ -470,7 +465,7 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
     }
     if painter.shows(Overlay::Agents) && !is_past {
         for at in screen.snapshot.frontier_goals.chunks_exact(2).filter_map(painter.place) {
-            painter.canvas.flag(at, FRONTIER_SIGN, theme.frontier);
+            painter.canvas.mark(at, FRONTIER_SIGN, theme.frontier);
         }
     }
     if !is_past {
@@ -481,7 +476,7 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
         painter.letter((painter.place)(&maze.view.reach.at), '@', theme.walker, 0.42);
     }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
-        painter.canvas.cursor(cursor.centre(), theme.cursor);
+        painter.canvas.letter(cursor.centre(), '+', theme.cursor, 0.36);
     }
 }
 

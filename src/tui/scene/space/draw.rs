@@ -80,8 +80,6 @@ fn contour_interval(state: &SpaceState, screen: &Screen) -> Option<f32> {
     contours::interval(&fields, false, None).filter(|_| shown)
 }
 
-/// Draws one projection of `layout`; the name of an arm's is highlighted if it is the chosen one of
-/// several.
 fn draw_projection(
     frame: &mut Frame,
     projection: &Projection,
@@ -174,8 +172,6 @@ fn angle_title(angle: Angle, state: &SpaceState) -> String {
     }
 }
 
-/// Returns the names of the components and the range that is shown, and the values of the goal's
-/// other components.
 fn slice_title(
     shown: &Projection,
     [across, up]: [usize; 2],
