@@ -187,7 +187,7 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let row: String = (0..600).map(|x| if x % 50 == 49 { '#' } else { '.' }).collect();
     let map = parse_map("wide", format!("{row}\n").repeat(300).as_bytes()).expect("a map");
     let mut app = still_on(map, gdg());
-    app.set_graphics(Some(Graphics { character: (3, 6), ..GRAPHICS }), Redraw::All);
+    app.set_graphics(Some(Graphics { character: (3, 6) }), Redraw::All);
     draw(&mut app, 100, 40);
     let Picture { columns, pixels, .. } = picture(&app);
     assert!(*columns < 300, "less than a pixel for two cells");

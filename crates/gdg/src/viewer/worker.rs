@@ -302,8 +302,7 @@ impl Worker {
             reach.trail.remove(0);
         }
         reach.steps += 1;
-        let stops = |path: &[Vec<f32>]| [std::slice::from_ref(&reach.at), path].concat();
-        reach.way = stops(&path);
+        reach.way = [std::slice::from_ref(&reach.at), &path].concat();
         if let Scene::Maze(maze) = &self.scene {
             let positions: Vec<[f32; 2]> = reach.way.iter().map(|at| [at[0], at[1]]).collect();
             // The straight line to a goal is no plan if no path leads there, or only one around
