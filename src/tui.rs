@@ -91,10 +91,15 @@ use session::{Session, files};
 use terminal::Stage;
 
 /// How the interface is shown.
+#[derive(Clone, Debug, clap::Args)]
 pub struct InterfaceOptions {
-    /// The configuration file, instead of the default one.
-    pub config: Option<PathBuf>,
-    /// What the map is drawn with, instead of what the configuration says.
+    /// Configuration file for theme, keys etc., instead of the default one
+    #[arg(long, value_name = "FILE")]
+    pub ui_config: Option<PathBuf>,
+
+    /// What the map is drawn with [default: auto: pixels where the terminal shows pictures, else
+    /// half blocks or quadrants]
+    #[arg(long, value_name = "MARKER", value_enum)]
     pub marker: Option<Marker>,
 }
 
@@ -127,7 +132,7 @@ const MIN_OPEN_FILES: usize = 24;
 /// The configuration is invalid, too few files can be open at once, or a thread cannot be started.
 pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
     check_open_files()?;
-    let (mut config, keymap) = config::load(options.config.as_deref())
+    let (mut config, keymap) = config::load(options.ui_config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
     config.marker = options.marker.unwrap_or(config.marker);
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;

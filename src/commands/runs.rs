@@ -67,7 +67,7 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
-    let mut interface = tui::prepare(&args.screen.interface.options()).map_err(bad_input)?;
+    let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
     let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;
     let (mut status, mut notice) = (0, String::new());
     loop {

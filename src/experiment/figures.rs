@@ -11,6 +11,8 @@ mod report;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
 use super::jobs::{JobOptions, Jobs, print_raw, warn_if_short};
@@ -18,33 +20,73 @@ use super::plan::{Length, Plan};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
+use crate::host::values::counts;
 use catalogue::Entry;
 pub use catalogue::{Budget, FIGURES, Figure};
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
-pub use ogbench::DataFolder;
+use ogbench::DataFolder;
 use output::Drawn;
 
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui reproduce all                      all figures; run again to resume
+  gdg-tui reproduce fig3 fig4 --budget paper --out /shared/paper
+  gdg-tui reproduce fig6 --set gdg:hidden=256    runs only that method's jobs
+  gdg-tui reproduce ogbench                  beside published results
+  gdg-tui reproduce all --list               one line per job
+  gdg-tui reproduce all --job 3              the third, on a cluster
+  gdg-tui reproduce all --collect            report from the jobs that are done
+
+Exit status: as of gdg-tui suite.";
+
 /// Which figures to reproduce, and how.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Options {
-    /// Names of figures, or `all` for those of the paper.
+    /// Figures of the paper, all of them, or OGBench's point mazes
+    #[arg(value_name = "FIGURE", required = true, value_parser = names())]
     pub figures: Vec<String>,
+
+    /// How much to train
+    #[arg(long, value_enum, default_value_t = Budget::Quick)]
     pub budget: Budget,
-    /// Updates of every job instead.
+
+    /// Train every job for N updates instead
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub updates: Option<u64>,
-    /// Episodes of every job instead.
+
+    /// Train every job for N episodes instead
+    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = counts::<u64>(1..=1 << 53))]
     pub episodes: Option<u64>,
-    /// Environment steps of every job instead.
+
+    /// Train every job for N environment steps instead
+    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = counts::<u64>(1..=1 << 53))]
     pub steps: Option<u64>,
-    /// Runs per method in figures over several seeds; otherwise as many as the figure has.
+
+    /// Runs per method in figures over several seeds, with seeds 1, 2, ...
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
-    /// Evaluation tasks at each distance; otherwise those of the figure.
-    pub eval_tasks: Option<u32>,
+
+    #[command(flatten)]
     pub data: DataFolder,
-    /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
+
+    /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
+    /// many along the way
+    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
+    pub eval_tasks: Option<u32>,
+
+    /// Change one setting of all methods, or of the one named (repeatable)
+    #[arg(long, value_name = "[METHOD:]NAME=VALUE")]
     pub set: Vec<String>,
+
+    #[command(flatten)]
     pub running: JobOptions,
+}
+
+fn names() -> PossibleValuesParser {
+    let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
+    figures.chain([PossibleValue::new("all").help("All of the paper's")]).collect::<Vec<_>>().into()
 }
 
 /// Figures, ready to be reproduced.
@@ -96,7 +138,7 @@ pub fn prepare<'a>(
         figures.push((figure, methods));
     }
     let all = figures.iter().flat_map(|(_, methods)| methods).flat_map(|method| &method.jobs);
-    let jobs = Jobs::new(all.cloned(), &options.running, registry)?;
+    let jobs = Jobs::new(all.cloned(), &options.running, "reproduce", registry)?;
     Ok(Reproduction { options, jobs, figures })
 }
 

@@ -1,13 +1,16 @@
 //! The jobs of an experiment: listed, run, and reported.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::folder::Folder;
 use super::spec::{JobResult, JobSpec};
+use crate::host::runs::SAVES;
+use crate::host::values::{counts, output, shares};
 use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
@@ -17,21 +20,35 @@ use gdg::train::{Evaluation, Registry};
 const SHORT: f64 = 0.1;
 
 /// Which jobs run, how, and where.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct JobOptions {
-    /// Folder of jobs and results.
-    pub out: PathBuf,
-    /// Jobs at the same time.
-    pub parallel: usize,
-    /// Whether to print the jobs instead.
+    /// Folder for jobs, their checkpoints, results and the report [default: saves/ and the command]
+    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    pub out: Option<PathBuf>,
+
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this
+    /// machine's cores]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
+    pub jobs: Option<u16>,
+
+    /// Print one line per job, its name first, and exit
+    #[arg(long, conflicts_with_all = ["job", "collect"])]
     pub list: bool,
-    /// Names or numbers of the only jobs to run.
+
+    /// Run only this job, by its name or by its line in --list (repeatable), and report nothing
+    #[arg(long, value_name = "NAME|N", conflicts_with = "collect")]
     pub job: Vec<String>,
-    /// Whether to report from finished jobs without running any.
+
+    /// Run nothing: report from the jobs that are done
+    #[arg(long)]
     pub collect: bool,
-    /// Whether checkpoints of finished jobs are kept.
-    pub keep: bool,
-    /// The success rate that every run has to reach.
+
+    /// Remove the checkpoints of finished jobs, which --resume needs
+    #[arg(long)]
+    pub no_keep: bool,
+
+    /// Exit with status 3 unless every run's final success rate is at least X
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 }
 
@@ -44,16 +61,18 @@ pub struct Jobs<'a> {
 }
 
 impl<'a> Jobs<'a> {
-    /// Takes `jobs`, the same of which may be given several times. Checks that those named exist,
-    /// and that results can be written.
+    /// Takes the jobs of a `command`, the same of which may be given several times. Checks that those
+    /// named exist, and that results can be written.
     pub fn new(
         jobs: impl IntoIterator<Item = JobSpec>,
         options: &'a JobOptions,
+        command: &str,
         registry: &'a Arc<Registry>,
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let jobs = Self { all, folder: Folder(options.out.clone()), registry, options };
+        let folder = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
+        let jobs = Self { all, folder: Folder(folder), registry, options };
         jobs.chosen()?;
         if options.collect {
             jobs.folder.check_has_jobs()?;

@@ -15,7 +15,7 @@ use super::spec::JobSpec;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
 use crate::host::report::print_error;
-use crate::host::setup::{begin, learn_from};
+use crate::host::setup::{begin, learn_from, parallel_jobs};
 use crate::host::signals::TerminationSignal;
 use crate::host::waiting::duration;
 use gdg::files::check_writable;
@@ -76,7 +76,7 @@ impl Jobs<'_> {
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
         let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
         let runner = Runner { all: self, termination, open, progress };
-        let ends = runner.run(options.parallel);
+        let ends = runner.run(parallel_jobs(options.jobs));
         let named = |wanted: End| {
             let found = runner.open.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
             found.map(|(job, _)| &*job.name).collect::<Vec<_>>()
@@ -199,7 +199,7 @@ impl Runner<'_> {
     ) -> Result<End, Report> {
         let job = self.open[i];
         let is_whole = self.train(i, trainer, saver)?;
-        if !is_whole || self.all.options.keep {
+        if !is_whole || !self.all.options.no_keep {
             saver.save(trainer)?;
         }
         if !is_whole {
@@ -212,7 +212,7 @@ impl Runner<'_> {
             job,
             &job.result(trainer, measured),
             picture.as_deref(),
-            self.all.options.keep,
+            !self.all.options.no_keep,
         )?;
         Ok(End::Done)
     }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::jobs::{JobOptions, Jobs, print, warn_if_short};
@@ -11,39 +12,93 @@ use super::plot::{self, By, Drawn, PAGE};
 use super::report::{CURVES, Row, report, rows, table};
 use super::runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
-use super::variants::{Variation, variants};
+use super::variants::{Ablation, variants};
 use crate::figure::Format;
-use crate::host::maps::{find_map, warn, warnings};
+use crate::host::maps::{MapArgs, find_map, warn, warnings};
 use crate::host::report::from_map_error;
-use crate::host::setup::{self, RunChoice};
+use crate::host::setup::{self, Base, RunChoice};
+use crate::host::values::{MethodParser, counts, methods_help};
 use crate::host::waiting::Waiting;
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
 use gdg::map::{Grid, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
 use gdg::text::counted;
-use gdg::train::{Method, Registry};
+use gdg::train::{METHODS, Method, Registry};
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui suite maps/ --seeds 3              every map; run again to resume
+  gdg-tui suite fourrooms city my.map --budget 20000 --set hidden=128
+  gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her
+  gdg-tui suite my.map --sweep hidden=32,64 --sweep tau=0.01,0.1    all four
+  gdg-tui suite my.map --set small:hidden=32    a variant called small as well
+  gdg-tui suite fourrooms --ablation components    without each component
+  gdg-tui suite maps/ --list                 one line per job
+  gdg-tui suite maps/ --job 3 --out /shared/suite    the third, on a cluster
+
+gdg-tui plot draws the curves of the methods and variants.
+
+Exit status: 0 success; 1 a job failed (the others run), or --collect found jobs missing; 2 bad \
+usage or input; 3 --require-success not reached; 128 + its number after a signal, as 130 after \
+Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 /// What to train, and how to report it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Options {
-    /// Built-in maps, map files, folders of them, and other worlds.
-    pub worlds: Vec<PathBuf>,
-    pub reading: Reading,
-    /// Updates per map; otherwise by its size.
+    /// Built-in maps, map files, folders, of which the .map files that are not hidden are used, or
+    /// the .txt files if there are none, and other worlds, like fetch-reach
+    #[arg(value_name = "FOLDER|MAP", required = true)]
+    pub maps: Vec<PathBuf>,
+
+    /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
+    #[arg(
+        long,
+        visible_alias = "max-updates",
+        value_name = "N",
+        value_parser = counts::<u64>(1..=1 << 53)
+    )]
     pub budget: Option<u64>,
+
     /// Runs per map, with seeds 1, 2, ...
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = counts::<u64>(1..=1000))]
     pub seeds: u64,
-    /// Evaluation tasks at each distance.
+
+    /// Evaluation tasks at each of six distances
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: u32,
-    pub methods: Vec<Method>,
-    /// Preset, settings file and changes of settings, `[NAME:]SETTING=VALUE`: of all runs, of one
-    /// method, or of a variant.
-    pub base: RunChoice,
-    pub variation: Variation,
-    /// Whether the table is printed as Markdown.
+
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER (repeatable: each trains on
+    /// every map)
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
+    pub method: Vec<Method>,
+
+    #[command(flatten)]
+    pub base: Base,
+
+    /// Change one setting, of all runs, or of the method called NAME; any other NAME is a variant,
+    /// which trains with these changes beside the runs without (repeatable)
+    #[arg(long, value_name = "[NAME:]SETTING=VALUE")]
+    pub set: Vec<String>,
+
+    /// Train with each of these values (repeatable: with all combinations)
+    #[arg(long, value_name = "SETTING=VALUE,VALUE")]
+    pub sweep: Vec<String>,
+
+    /// Train the variants of an ablation of the default method instead
+    #[arg(long, value_enum, value_name = "WHICH", conflicts_with_all = ["method", "preset", "config", "sweep"])]
+    pub ablation: Option<Ablation>,
+
+    /// Print the table as Markdown, with all columns, as in the report
+    #[arg(long)]
     pub markdown: bool,
+
+    #[command(flatten)]
     pub running: JobOptions,
+
+    #[command(flatten)]
+    pub reading: MapArgs,
 }
 
 /// Default budgets: maximum number of free cells, and updates.
@@ -60,13 +115,19 @@ pub struct Suite<'a> {
 
 /// Reads all maps and checks all arguments.
 pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<Suite<'a>, Report> {
-    let variants = variants(&options.methods, &options.base, &options.variation)?;
+    let (base, set) = (options.base.clone(), options.set.clone());
+    let run = RunChoice { method: Method::default(), base, set };
+    let variants = match options.ablation {
+        Some(ablation) => ablation.variants(&run),
+        None => variants(&options.method, &run, &options.sweep)?,
+    };
     for method in variants.iter().map(|variant| &variant.run.method) {
         registry.learner(&method.learner).into_diagnostic()?;
     }
     let (mut jobs, mut usual) = (Vec::new(), Vec::new());
-    for given in &options.worlds {
-        for world in worlds(given, &options.reading, registry)? {
+    let reading = Reading::from(&options.reading);
+    for given in &options.maps {
+        for world in worlds(given, &reading, registry)? {
             let updates = options.budget.unwrap_or(world.budget());
             for variant in &variants {
                 for seed in 1..=options.seeds {
@@ -80,7 +141,7 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
         }
     }
     warn_if_short(jobs.iter().zip(usual));
-    let jobs = Jobs::new(jobs, &options.running, registry)?;
+    let jobs = Jobs::new(jobs, &options.running, "suite", registry)?;
     Ok(Suite { jobs, markdown: options.markdown })
 }
 

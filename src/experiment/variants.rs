@@ -5,7 +5,7 @@ use miette::{Report, miette};
 use serde_json::Value;
 
 use super::spec::setting_text;
-use crate::host::setup::{RunChoice, split_prefix};
+use crate::host::setup::{Base, RunChoice, split_prefix};
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
@@ -15,16 +15,6 @@ pub struct Variant {
     /// What names of jobs say of it.
     pub label: String,
     pub run: RunChoice,
-}
-
-/// What is trained besides the methods as they are.
-#[derive(Clone, Debug)]
-pub enum Variation {
-    /// Every value of every `NAME=VALUE,VALUE`, instead of the methods as they are: all
-    /// combinations.
-    Sweep(Vec<String>),
-    /// These variants of the default method, whatever methods are named.
-    Ablation(Ablation),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -88,16 +78,14 @@ fn label(method: &str, name: Option<&str>, swept: &[String]) -> String {
 }
 
 /// Returns every method as it is and with the settings of each variant that `set`,
-/// `[NAME:]SETTING=VALUE`, names, or what `variation` makes of them.
+/// `[NAME:]SETTING=VALUE`, names; with `sweeps`, `NAME=VALUE,VALUE`, all combinations of their
+/// values instead.
 pub fn variants(
     methods: &[Method],
     base: &RunChoice,
-    variation: &Variation,
+    sweeps: &[String],
 ) -> Result<Vec<Variant>, Report> {
-    let sweeps = match variation {
-        Variation::Ablation(ablation) => return Ok(ablation.variants(base)),
-        Variation::Sweep(sweeps) => combinations(sweeps)?,
-    };
+    let sweeps = combinations(sweeps)?;
     let own: Vec<String> = methods.iter().map(Method::name).collect();
     let mut names: Vec<Option<&str>> = vec![None];
     for name in base.set.iter().filter_map(|text| split_prefix(text).0) {
@@ -165,12 +153,13 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
 
 impl Ablation {
     /// Returns its variants in the order of the table, each on top of the settings of `base`.
-    fn variants(self, base: &RunChoice) -> Vec<Variant> {
+    pub fn variants(self, base: &RunChoice) -> Vec<Variant> {
         let variant = |name: &str, method: &str, preset, set: &[String]| {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
-            let run = RunChoice { method, preset: Some(preset), config: None, set };
+            let base = Base { preset: Some(preset), config: None };
+            let run = RunChoice { method, base, set };
             Variant { name: Some(name.to_owned()), label, run }
         };
         if self == Self::Ladder {
@@ -205,12 +194,13 @@ mod tests {
 
     fn base(set: &[&str]) -> RunChoice {
         let set = set.iter().map(|text| (*text).to_owned()).collect();
-        RunChoice { method: Method::default(), preset: None, config: None, set }
+        RunChoice { method: Method::default(), base: Base::default(), set }
     }
 
     fn settings(variant: &Variant) -> Settings {
         let overrides = Overrides { set: &variant.run.set, ..Overrides::default() };
-        settings_from(variant.run.preset.expect("a preset"), &overrides).expect("valid settings")
+        settings_from(variant.run.base.preset.expect("a preset"), &overrides)
+            .expect("valid settings")
     }
 
     #[test]
@@ -231,9 +221,8 @@ mod tests {
     #[test]
     fn sweeps_are_all_combinations_and_nothing_else() {
         let of = |sweeps: &[&str]| {
-            let sweeps = sweeps.iter().map(|text| (*text).to_owned()).collect();
-            let all =
-                variants(&[Method::default()], &base(&["tau=0.1"]), &Variation::Sweep(sweeps));
+            let sweeps: Vec<String> = sweeps.iter().map(|text| (*text).to_owned()).collect();
+            let all = variants(&[Method::default()], &base(&["tau=0.1"]), &sweeps);
             let all = all.map_err(|error| error.to_string())?;
             assert!(all.iter().all(|variant| variant.label.starts_with("gdg-bridge")));
             Ok::<_, String>(all.iter().map(|variant| variant.run.set.join(" ")).collect::<Vec<_>>())

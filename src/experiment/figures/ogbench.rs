@@ -4,9 +4,11 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::experiment::plan::JobData;
+use crate::host::values::output;
 use gdg::env::GymOptions;
 use gdg::job::Job;
 use gdg::printing::eprint_line;
@@ -49,16 +51,21 @@ pub fn published_on(dataset: &str) -> Option<Success> {
 }
 
 /// Where datasets are.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct DataFolder {
-    pub folder: PathBuf,
-    /// The interpreter that has OGBench; otherwise the default one.
+    /// Folder of OGBench's datasets, for the figure ogbench; those that are not there are collected
+    #[arg(long, value_name = "FOLDER", default_value = "saves/ogbench", value_parser = output())]
+    pub data_dir: PathBuf,
+
+    /// Python interpreter with the package ogbench, to collect them [default: that of the active
+    /// virtual environment, else python3]
+    #[arg(long, value_name = "PATH")]
     pub python: Option<PathBuf>,
 }
 
 impl DataFolder {
     fn file(&self, dataset: &str) -> PathBuf {
-        self.folder.join(format!("pointmaze-{dataset}-v0.npz"))
+        self.data_dir.join(format!("pointmaze-{dataset}-v0.npz"))
     }
 
     pub fn find(&self, dataset: &str) -> Result<JobData, Report> {
@@ -78,7 +85,7 @@ impl DataFolder {
             if file.exists() {
                 continue;
             }
-            std::fs::create_dir_all(&self.folder).into_diagnostic()?;
+            std::fs::create_dir_all(&self.data_dir).into_diagnostic()?;
             eprint_line(&format!("{dataset}: collected with OGBench in Python, in minutes"));
             let mut command = Command::new(&python);
             command.args(["-c", COLLECTOR, &format!("pointmaze-{dataset}-v0")]).arg(&file);
@@ -102,7 +109,7 @@ impl DataFolder {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
         format!(
             "put OGBench's {name} into {}, or give --python an interpreter with the package ogbench",
-            self.folder.display()
+            self.data_dir.display()
         )
     }
 }
