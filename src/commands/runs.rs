@@ -76,7 +76,7 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
         interface.notice = Some("q leads back to the list of runs");
         let ended = match opened {
             None => return Ok(status.max(signalled)),
-            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface, None),
+            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface),
             Some(Opened::Comparison(both)) => tui::compare(*both, &mut interface),
         };
         let (ended, files) = ended.map_err(failure)?;

@@ -46,7 +46,7 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
         return headless::run(setup, &args.headless()).map_err(failure);
     }
     let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
-    Ok(tui::run(setup, &mut interface, args.map.as_deref()).map_err(failure)?.0)
+    Ok(tui::run(setup, &mut interface).map_err(failure)?.0)
 }
 
 /// Returns the registry with what is given of environments in Python and recorded data.

@@ -17,7 +17,6 @@ use super::theme::{Rgb, Theme, blend, rgb_of_indexed};
 use crate::figure::{Anchor, Chart, Curve, Format, MILLIMETRE, Page, Point, Range, Sheet, colour};
 use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
-use gdg::job::{Job, Running};
 use gdg::train::Evaluation;
 
 const EXPORT_FOLDER: &str = "exports";
@@ -39,15 +38,15 @@ pub enum ExportError {
 /// Encodes what has been drawn, which may take a second or two.
 type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, ExportError> + Send>;
 
-/// Draws an export and begins to write it to a new file; returns the notice for the user.
+/// Draws an export; returns what writes it to a new file and returns the notice for the user.
 pub fn begin(
     kind: ExportKind,
     screen: &mut Screen,
     scene: &Scene,
-) -> Result<Running<Result<String, String>>, ExportError> {
+) -> Result<impl FnOnce() -> Result<String, String> + Send + use<>, ExportError> {
     let (name, noun) = (name(kind, screen, scene), scene.noun());
     let encode = drawn(kind, screen, scene)?;
-    let write = move |_: &Job| {
+    Ok(move || {
         // A paused run may be exported several times.
         let end = format!("-{}.{}", kind.stem(noun), kind.file_type());
         let path = files::unused_path(&files::named(Path::new(EXPORT_FOLDER), &name, &end));
@@ -55,9 +54,7 @@ pub fn begin(
             Ok(()) => Ok(format!("wrote {}", path.display())),
             Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
         }
-    };
-    let job = Job::new(format!("writing {}", kind.name(noun)));
-    Ok(Running::start("export", job, write))
+    })
 }
 
 /// Returns what a file's name begins with: the world, and the update that is shown.

@@ -12,7 +12,6 @@ pub enum Overlay {
     /// Exploring agents, their trails, and their goals at the frontier.
     Agents,
     Candidates,
-    /// Edges of the bridge graph.
     Edges,
     /// The latest search for a bridge point.
     Search,
@@ -49,7 +48,6 @@ impl Overlay {
     }
 }
 
-/// The set of overlays shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlays([bool; Overlay::ALL.len()]);
 
@@ -64,7 +62,6 @@ impl Overlays {
         Self(Overlay::ALL.map(|overlay| shown.contains(&overlay)))
     }
 
-    /// Returns whether `overlay` is shown.
     pub fn has(self, overlay: Overlay) -> bool {
         self.0[overlay as usize]
     }

@@ -2,7 +2,6 @@
 
 use std::time::{Duration, Instant};
 
-use super::clock;
 use gdg::train::{LogEntry, MAX_LOG_ENTRIES};
 
 /// How long a notice and an error are shown.
@@ -20,8 +19,7 @@ pub struct Notice<'a> {
 pub struct Log {
     entries: Vec<LogEntry>,
     /// The notice, and since when it is shown.
-    notice: Option<(Instant, String)>,
-    /// Whether the notice is an error.
+    pub notice: Option<(Instant, String)>,
     is_error: bool,
 }
 
@@ -34,14 +32,16 @@ impl Log {
         self.entries = past.to_vec();
     }
 
-    /// Logs an event, at seconds of training and updates, and shows it as a notice.
+    /// Logs an event at a moment of the run, in seconds of training and updates, and shows it as a
+    /// notice.
     pub fn add(&mut self, text: &str, seconds: f64, updates: u64, is_error: bool) {
         self.record(text, seconds, updates);
         self.show(text, is_error);
     }
 
+    /// Shows a notice without logging it.
     pub fn show(&mut self, text: &str, is_error: bool) {
-        (self.notice, self.is_error) = (Some((clock::now(), text.to_owned())), is_error);
+        (self.notice, self.is_error) = (Some((Instant::now(), text.to_owned())), is_error);
     }
 
     /// Logs an event at a moment of the run, in seconds of training and updates.
@@ -66,18 +66,20 @@ impl Log {
         self.notice.take().map(|(_, text)| text)
     }
 
-    /// Dismisses the notice, unless it is an error.
     pub fn dismiss(&mut self) {
         self.notice.take_if(|_| !self.is_error);
     }
 
+    /// Dismisses a notice or an error shown before `moment`.
     pub fn dismiss_before(&mut self, moment: Instant) {
         self.notice.take_if(|(since, _)| *since < moment);
     }
 
-    /// Handles the passing of time; returns whether the notice disappeared.
+    /// Handles the passing of time; returns whether the notice disappears.
     pub fn on_tick(&mut self) -> bool {
-        let most = if self.is_error { ERROR_DURATION } else { NOTICE_DURATION };
-        self.notice.take_if(|(since, _)| clock::now().duration_since(*since) > most).is_some()
+        let longest = if self.is_error { ERROR_DURATION } else { NOTICE_DURATION };
+        let is_old =
+            |(since, _): &mut (Instant, _)| Instant::now().duration_since(*since) > longest;
+        self.notice.take_if(is_old).is_some()
     }
 }

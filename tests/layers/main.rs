@@ -35,10 +35,10 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
     ("host", 1_550),
-    ("figure", 1_100),
+    ("figure", 900),
     ("headless", 900),
-    ("experiment", 5_700),
-    ("tui", 22_350),
+    ("experiment", 5_200),
+    ("tui", 21_550),
     ("cli", 700),
     ("commands", 1_000),
 ];

@@ -15,7 +15,6 @@ use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM};
 use crate::tui::theme::{ColourDepth, Theme, blend};
 use gdg::env::DistanceUnit;
-use gdg::text::sanitized;
 use gdg::train::{DistanceScore, Evaluation};
 
 /// Minimum height of a chart, and minimum width for two side by side.
@@ -42,7 +41,7 @@ struct Plot {
     /// Those without a name continue the one before.
     curves: Vec<Curve>,
     max: Option<f64>,
-    /// Whether it may be drawn on a logarithmic scale.
+    /// Whether it is drawn on a logarithmic scale.
     log: bool,
 }
 
@@ -84,14 +83,6 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
         let named = std::iter::once(name).chain(std::iter::repeat(""));
         named.zip(parts).map(|(name, points)| curve(name, i, points)).collect()
     };
-    let under = |value: Value| {
-        let run = screen.under.as_deref()?;
-        let points = run.evaluations.iter();
-        let points = points.filter_map(|at| Some((axis(screen).of(at)?, value(&at.evaluation)?)));
-        let points = points.collect();
-        let name = sanitized(&run.source.file_stem().unwrap_or_default().to_string_lossy());
-        Some(Curve { name, style: DIM, marker: Marker::Braille, points })
-    };
     let loss = |title, i: usize| {
         let points = snapshot.curve.iter();
         let points = points.map(|p| (along(screen, p.updates), f64::from(p.losses[i]))).collect();
@@ -111,10 +102,8 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let mut success = of("planned", 0, &|e| e.planned.as_ref()?.success);
     success.extend(of("greedy", 1, &|e| e.greedy.success));
     success.push(curve("coverage", 2, coverage));
-    success.extend(under(&Evaluation::success_rate));
     let mut errors = of("D", 0, &|e| Some(e.distance_error?.mape));
     errors.extend(of("via graph", 1, &|e| Some(e.distance_error?.graph?.mape)));
-    errors.extend(under(&|e| Some(e.distance_error?.mape)));
     let rate = |title, curves| Plot { title, curves, max: Some(1.0), log: false };
     let errors = Plot { title: "relative error of D", curves: errors, max: None, log: true };
     let of_critic = loss("loss of D", 0);
@@ -150,7 +139,7 @@ fn is_within(at: f64, [from, to]: [f64; 2]) -> bool {
 
 /// Draws a chart of the window; returns where its lines are, unless there are none.
 fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> Option<ChartArea> {
-    let (x, log) = (window(screen), plot.log && screen.log_scale);
+    let (x, log) = (window(screen), plot.log);
     for curve in &mut plot.curves {
         curve.points.retain(|point| is_within(point.0, x));
         if log {
@@ -249,10 +238,9 @@ pub fn apart(edits: impl Iterator<Item = f64>, window: [f64; 2]) -> Vec<f64> {
     apart
 }
 
-/// Returns the range of updates shown: all, also those of the run below, or an earlier part when scrolled back.
+/// Returns the range of updates shown: all, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
-    let under = screen.under.as_ref().and_then(|run| axis(screen).of(run.evaluations.last()?));
-    let last = along(screen, screen.snapshot.counters.updates).max(under.unwrap_or(1.0)).max(1.0);
+    let last = along(screen, screen.snapshot.counters.updates).max(1.0);
     let page = PAGE_SHARE * last;
     match screen.scrolled {
         0 => [0.0, last],

@@ -120,7 +120,7 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
-            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.name(), style);
+            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
         }
         bar.push(Span::raw(" "), None);
         for (action, label) in keys {
@@ -134,7 +134,7 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let mut lines = options.map(|(tools, keys)| line(tools, keys)).into_iter();
     let fits = |bar: &ClickableLine| bar.width() <= usize::from(width);
     let mut bar = lines.find(fits).unwrap_or_else(|| line(own, &keys[2..]));
-    let mouse = format!(" {}", editor.tool.mouse());
+    let mouse = format!(" {}", editor.tool.about().1);
     if bar.width() + mouse.len() <= usize::from(width) {
         bar.push(Span::styled(mouse, DIM), None);
     }

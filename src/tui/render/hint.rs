@@ -1,12 +1,10 @@
-//! The hint above the map: which moment is shown, or for a while a saved run to resume, or what the
-//! screen shows.
+//! The hint above the map: which moment is shown, or for a while what the screen shows.
 
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
 use super::Page;
-use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::scene::Scene;
@@ -24,7 +22,7 @@ pub fn draw(page: &mut Page, area: Rect) {
     let is_shown = screen.banner.is_some() && !screen.on_paper;
     let hints = match past(screen, scene) {
         _ if screen.tour.is_some() => None,
-        None if is_shown => offer(screen).or_else(|| what_to_see(screen)),
+        None if is_shown => what_to_see(screen),
         past => past,
     };
     let lines = hints.into_iter().flatten().map(|(text, keys)| {
@@ -68,27 +66,17 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
     Some(texts.map(|text| (text, keys.to_vec())).to_vec())
 }
 
-fn offer(screen: &Screen) -> Option<Vec<Hint>> {
-    let found = screen.offer.as_ref()?;
-    let is_other = found.run.method != screen.run().method;
-    let method = if is_other { format!("{}: ", found.run.method.name()) } else { String::new() };
-    let texts = [
-        format!("{method}{}:", runs::summary(found)),
-        format!("{method}{} updates:", grouped(found.updates)),
-        "saved run:".to_owned(),
-    ];
-    let keys = [(Action::Resume, "resumes "), (Action::Close, "hides ")];
-    Some(texts.map(|text| (text, keys.to_vec())).to_vec())
-}
-
-/// Explains the colours and the effect of a click, until the interface has been used.
+/// Explains the colours and the effect of a click.
 fn what_to_see(screen: &Screen) -> Option<Vec<Hint>> {
     let mono = screen.theme.depth == ColourDepth::Mono;
     let colours = if mono { "@ walks to G" } else { "light = near G" };
-    let (help, tour) = ((Action::Help, "help "), (Action::Tour, "tour "));
-    screen.first_run.then(|| {
+    let help = (Action::Help, "help ");
+    screen.explains.then(|| {
         vec![
-            (format!("{colours} \u{b7} click: a new goal \u{b7}"), vec![help, tour]),
+            (
+                format!("{colours} \u{b7} click: a new goal \u{b7} new here? gdg-tui tour \u{b7}"),
+                vec![help],
+            ),
             (format!("{colours} \u{b7} click: a new goal"), vec![help]),
             ("click: goal".to_owned(), vec![help]),
         ]

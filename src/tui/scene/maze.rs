@@ -15,7 +15,6 @@ use super::SceneKind;
 use super::legend::{contour_text, draw_scale, edge_lines, sample, sign};
 use super::overlays::{FRONTIER_SIGN, MAX_EDGES, TRAIL_MARK};
 use crate::tui::action::Action;
-use crate::tui::dialog::Question;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::Link;
 use crate::tui::raster::Viewport;
@@ -181,10 +180,6 @@ impl SceneKind for MazeState {
                 self.inspect(at, link);
             }
             Action::SaveMap => self.ask_file(screen),
-            Action::NewMap => self.ask_size(Question::NewMap, "size of the empty map", screen),
-            Action::ResizeMap => {
-                self.ask_size(Question::ResizeMap, "new size of the map", screen);
-            }
             _ => self.edit(action, screen, link),
         }
     }
@@ -273,7 +268,7 @@ impl SceneKind for MazeState {
         // request.
         if let (Some(goal), number) = &view.goal
             && screen.on_arrival == OnArrival::Visit
-            && *number == link.goal_request()
+            && *number == link.goal_request
             && let Some(cell) = cell_of_goal(goal, &self.map)
         {
             self.goal = cell;

@@ -197,8 +197,6 @@ impl SceneKind for SpaceState {
             | Action::Undo
             | Action::Redo
             | Action::SaveMap
-            | Action::NewMap
-            | Action::ResizeMap
             | Action::Toggle(Overlay::Unexplored) => false,
             Action::StartHere
             | Action::ZoomIn
@@ -405,7 +403,7 @@ impl SceneKind for SpaceState {
             MouseEventKind::Down(button) => {
                 self.shown.angle = projection.angle.unwrap_or_default();
                 self.turned = false;
-                screen.on_first_use();
+                screen.explains = false;
                 self.dragged_from = Some(at);
                 match button {
                     // There, a drag turns the projection; a click sets the goal once the button is
@@ -442,7 +440,7 @@ impl SceneKind for SpaceState {
     fn show(&mut self, view: Arc<View>, _screen: &mut Screen, link: &Link) {
         // Also goals that the viewer has drawn, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
-            && *number == link.goal_request()
+            && *number == link.goal_request
         {
             self.goal.clone_from(goal);
         }

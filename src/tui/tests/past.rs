@@ -3,7 +3,6 @@
 use super::staged::staged_app;
 use super::*;
 use crate::tui::export::name;
-use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
 use gdg::train::{Film, FilmFrame};
@@ -137,7 +136,7 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
 #[test]
 fn the_past_of_an_arm_is_a_field_through_its_goal() {
     let world = FetchReach::new(0);
-    let mut app = app_in(&world, gdg(), Limits { updates: Some(0), ..Limits::default() }, None);
+    let mut app = app_in(&world, gdg(), Some(0), None);
     draw(&mut app, 120, 40);
     let (world, mut film) = (FetchReach::new(3), Film::default());
     let points = film.points(&world).expect("points");

@@ -44,7 +44,13 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let mut app = still();
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
-    let search = staged_search();
+    let search = SearchOutcome {
+        state: vec![1.5, 0.5],
+        goal: vec![15.5, 1.5],
+        rejected: vec![3.5, 3.5, 17.5, 3.5],
+        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
+        budget: 64,
+    };
     for updates in [2_500, 5_000, 7_500, 10_000] {
         let mut counters = Counters::default();
         (counters.updates, counters.env_steps, counters.episodes) =
@@ -84,17 +90,6 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let view = staged_view(&app);
     app.on_view(Arc::new(view));
     app
-}
-
-/// Returns the latest search for a bridge in [`staged_app`].
-fn staged_search() -> SearchOutcome {
-    SearchOutcome {
-        state: vec![1.5, 0.5],
-        goal: vec![15.5, 1.5],
-        rejected: vec![3.5, 3.5, 17.5, 3.5],
-        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
-        budget: 64,
-    }
 }
 
 /// Returns the view of the rooms map in [`staged_app`].

@@ -78,11 +78,6 @@ impl MazeState {
         screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
 
-    pub fn ask_size(&self, question: Question, title: &str, screen: &mut Screen) {
-        let now = format!("{} x {}", self.map.width(), self.map.height());
-        screen.open(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
-    }
-
     pub fn random_cell(&self, link: &mut Link) -> Cell {
         let cells: Vec<Cell> = self.map.free_cells().collect();
         cells[link.rng.random_range(0..cells.len())]
@@ -185,7 +180,7 @@ impl MazeState {
     /// Warns if no path leads from the walking agent to the goal, once per goal and map.
     pub fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
         let view = &self.view;
-        let no_path = view.goal.1 == link.goal_request() && view.reach.shortest.is_none();
+        let no_path = view.goal.1 == link.goal_request && view.reach.shortest.is_none();
         let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
             *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
         };
@@ -197,7 +192,7 @@ impl MazeState {
 
     pub fn on_click(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
         self.hovered = None;
-        screen.on_first_use();
+        screen.explains = false;
         if self.goal != cell {
             self.set_goal_by_click(cell, screen, link);
         }
