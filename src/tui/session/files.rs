@@ -120,7 +120,7 @@ pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
         write_atomically(&path, &bytes)
             .map_err(|error| format!("{name} cannot be written: {error}"))?;
     }
-    let lost = format.lost(&maze.map, path);
+    let lost = format.lost(&maze.map);
     let without =
         if lost.is_empty() { String::new() } else { format!(" without {}", lost.join(", ")) };
     maze.kept_map = maze.map.clone();
@@ -131,15 +131,9 @@ pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
 /// Returns what a file for the map called `name` would lack, if anything.
 pub fn loss(cx: &Cx, name: &str) -> Option<String> {
     let format = format_for(Path::new(name));
-    let map = &cx.scene.maze()?.map;
-    let lost = format.lost(map, Path::new(name));
-    // Plain text, which anybody can edit, has no place for a scale.
-    let text = Path::new("NAME.txt");
-    let is_kept = MapFormat::by_name(text).is_some_and(|plain| plain.lost(map, text).is_empty());
-    let keeps = if is_kept { "NAME.txt" } else { "NAME.png" };
-    let loss =
-        || format!("the format {} has no {}: {keeps} keeps them", format.name, lost.join(", "));
-    (!lost.is_empty()).then(loss)
+    let lost = format.lost(&cx.scene.maze()?.map).join(" or ");
+    (!lost.is_empty())
+        .then(|| format!("the format {} has no {lost}: NAME.txt keeps them", format.name))
 }
 
 /// Lists the maps in `folder`, or by default built-in maps and those in the current folder.

@@ -11,8 +11,8 @@ use gdg::viewer::{FilmedMap, Plane, View};
 /// Returns a film on the rooms map: distances grow with the updates.
 pub(super) fn film(app: &Session, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
     let (mut world, mut film) = (PointMaze::new(app.maze().map.clone(), 2), Film::default());
-    world.set_full_state(0, &[3.5, 3.5]);
-    world.set_full_state(1, &[14.5, 1.5]);
+    world.set_full_state(0, &[3.5, 3.5]).unwrap();
+    world.set_full_state(1, &[14.5, 1.5]).unwrap();
     let points = film.points(&world).expect("points");
     let (states, _) = points.states.as_chunks::<2>();
     for updates in updates {
