@@ -199,7 +199,8 @@ impl Worker {
         let Some(world) = &mut self.world else { return };
         let world: &mut dyn Any = &mut **world;
         if let Some(maze) = world.downcast_mut::<PointMaze>() {
-            maze.set_full_state(0, &[f64::from(at[0]), f64::from(at[1])]);
+            // A maze never fails.
+            let _ = maze.set_full_state(0, &[f64::from(at[0]), f64::from(at[1])]);
             self.begin();
         } else if let (Some(arm), Ok(at)) = (world.downcast_mut::<FetchReach>(), at.try_into()) {
             arm.put(0, at);
