@@ -7,21 +7,13 @@ use std::sync::Arc;
 use gdg::draw::{Raster, TextPixel, paint_text, positions_along, text_size};
 use gdg::map::Cell;
 
-use ratatui::layout::{Position, Rect};
-
 use super::raster::MapFrame;
 use super::theme::{Rgb, Theme, blend, contour, ink};
 
 const CAPITAL_SHARE: f32 = 0.62;
 
-/// Height of a contour line's value in a picture, as a share of a character's height.
-const LABEL_HEIGHT: f32 = 0.75;
-
 /// Black outlines make signs stand out on any ground in pictures.
 const SHADOW: Rgb = (0, 0, 0);
-
-/// Pixels that are covered at least so much by something hide a label there.
-const SOLID: f32 = 0.8;
 
 /// Lines are painted in pieces of this length, in pixels, to look only at pixels near them.
 const PIECE: f32 = 16.0;
@@ -58,7 +50,6 @@ pub enum Ground {
 pub enum Sign {
     Letter([f32; 2], char, Rgb),
     Symbol([f32; 2], char, Option<Rgb>),
-    Label(Label),
 }
 
 #[derive(Debug)]
@@ -77,9 +68,8 @@ pub struct Canvas {
     pub marks: Vec<char>,
     /// What lies on top, if characters show it.
     pub signs: Vec<Sign>,
-    /// Pixels that have changed since the last full paint, and those that hide labels.
+    /// Pixels that have changed since the last full paint.
     pub changed: Vec<usize>,
-    pub solid: Vec<usize>,
     /// How much of each pixel is covered by what is being painted, and where that is anything.
     cover: Vec<u8>,
     touched: Vec<usize>,
@@ -106,7 +96,6 @@ impl Canvas {
             marks: vec![' '; coarse],
             signs: Vec::new(),
             changed: Vec::new(),
-            solid: Vec::new(),
             cover: vec![0; count],
             touched: Vec::new(),
         }
@@ -125,7 +114,6 @@ impl Canvas {
             marks: self.marks.clone(),
             signs: self.signs.clone(),
             changed: Vec::new(),
-            solid: Vec::new(),
             cover: vec![0; self.cover.len()],
             touched: Vec::new(),
         }
@@ -234,9 +222,6 @@ impl Canvas {
             if !self.is_fine {
                 self.marks[i] = ink.mark.unwrap_or(self.marks[i]);
                 self.changed.push(i);
-                if share >= SOLID {
-                    self.solid.push(i);
-                }
             }
         }
     }
@@ -328,7 +313,7 @@ impl Canvas {
     }
 
     /// Draws contour lines through points in pixels, in colours that are visible on their ground.
-    pub fn contours(&mut self, lines: &[&[[f32; 2]]], width: f32, theme: &Theme) {
+    pub fn contours(&mut self, lines: &[Vec<[f32; 2]>], width: f32, theme: &Theme) {
         let radius = 0.5 * (width * self.unit()).max(1.0);
         for points in lines {
             if self.is_fine {
@@ -345,23 +330,6 @@ impl Canvas {
             let ground = self.pixels[i].into();
             self.pixels[i] = blend(ground, theme.contour(ground), share).into();
         }
-    }
-
-    /// Writes the value of a contour line.
-    pub fn label(&mut self, label: &Label) {
-        if !self.is_fine {
-            return self.signs.push(Sign::Label(label.clone()));
-        }
-        let middle = self.label_middle(label);
-        let ground = self.index(middle).map_or((0, 0, 0), |i| self.pixels[i].into());
-        let ink = Ink::new(ink(ground), 0.9, ' ');
-        self.text(&label.text, middle, LABEL_HEIGHT * self.unit(), false, ink);
-    }
-
-    pub fn label_middle(&self, Label { at, text }: &Label) -> [f32; 2] {
-        let (across, down) = self.character;
-        let [x, y] = [at.x - self.frame.area.x, at.y - self.frame.area.y].map(f32::from);
-        [(x + 0.5 * text.len() as f32) * across as f32, (y + 0.5) * down as f32]
     }
 
     /// Writes a line of text around a point in pixels, `height` pixels high.
@@ -395,20 +363,6 @@ impl Canvas {
             }
         }
         self.apply(ink);
-    }
-}
-
-/// The value of a contour line, written in a gap of it: one character a digit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Label {
-    /// The first character that it covers.
-    pub at: Position,
-    pub text: String,
-}
-
-impl Label {
-    pub fn area(&self) -> Rect {
-        Rect::new(self.at.x, self.at.y, self.text.len() as u16, 1)
     }
 }
 

@@ -1,7 +1,7 @@
 //! A canvas as characters: each shows two colours, or a sign without colours.
 
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Position, Rect};
+use ratatui::layout::Position;
 use ratatui::style::{Color, Modifier, Style};
 
 use super::canvas::{Canvas, Ground, SHADES, Sign};
@@ -70,43 +70,18 @@ impl Canvas {
             .set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
 
-    /// Writes signs without a colour, labels that nothing hides, then other signs and letters.
+    /// Writes signs without a colour, and then other signs and letters.
     pub fn paint_signs(&self, buffer: &mut Buffer, theme: &Theme) {
-        let own = |sign: &Sign| match sign {
-            Sign::Letter(at, ..) | Sign::Symbol(at, _, Some(_)) => self.frame.character_of(*at),
-            Sign::Symbol(_, _, None) | Sign::Label(_) => None,
-        };
-        let hidden: Vec<Position> = (self.signs.iter().filter_map(own))
-            .chain(self.solid.iter().map(|i| self.character_at(*i)))
-            .collect();
-        for sign in &self.signs {
-            if let Sign::Symbol(at, symbol, None) = sign
-                && let Some(at) = self.frame.character_of(*at)
-            {
-                put(buffer, at, *symbol, None, theme);
-            }
-        }
-        for sign in &self.signs {
-            if let Sign::Label(label) = sign
-                && !hidden.iter().any(|at| label.area().contains(*at))
-            {
-                let places = label.text.chars().zip(label.area().positions());
-                places.for_each(|(c, at)| put(buffer, at, c, None, theme));
-            }
-        }
-        for (sign, at) in self.signs.iter().filter_map(|sign| Some((sign, own(sign)?))) {
+        let is_plain = |sign: &&Sign| matches!(sign, Sign::Symbol(_, _, None));
+        let (plain, other): (Vec<&Sign>, Vec<&Sign>) = self.signs.iter().partition(is_plain);
+        for sign in plain.into_iter().chain(other) {
+            let (Sign::Letter(at, ..) | Sign::Symbol(at, ..)) = sign;
+            let Some(at) = self.frame.character_of(*at) else { continue };
             match sign {
                 Sign::Letter(_, letter, rgb) => put_letter(buffer, at, *letter, *rgb, theme),
                 Sign::Symbol(_, symbol, rgb) => put(buffer, at, *symbol, *rgb, theme),
-                Sign::Label(_) => {}
             }
         }
-    }
-
-    fn character_at(&self, i: usize) -> Position {
-        let ((across, down), Rect { x, y, .. }) = (self.character, self.frame.area);
-        let [column, row] = [i % self.columns() / across, i / self.columns() / down];
-        Position::new(x + column as u16, y + row as u16)
     }
 }
 

@@ -14,7 +14,7 @@ use gdg::map::{Cell, Grid};
 const MAX_CELLS: usize = 256 << 20;
 
 /// The editor's state. Strokes exist only while it is open; undo and redo outlast closing it.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Editor {
     /// Where the keyboard draws; `None` while the editor is closed.
     pub cursor: Option<Cell>,
@@ -27,12 +27,12 @@ pub struct Editor {
 
 /// An unfinished stroke: the mouse button is still down, or the second of two key presses is still
 /// to come.
+#[derive(Clone)]
 struct Stroke {
     free: bool,
     /// Cells drawn freehand, each once.
     cells: Vec<Cell>,
-    /// Whether each cell of the map is among them; empty until the first is.
-    is_drawn: Vec<bool>,
+    known: HashSet<Cell>,
     from: Cell,
     to: Cell,
     /// The last position of the mouse; `None` for a stroke by keyboard.
@@ -41,30 +41,19 @@ struct Stroke {
 
 impl Stroke {
     fn at(cell: Cell, free: bool) -> Self {
-        Self { free, cells: Vec::new(), is_drawn: Vec::new(), from: cell, to: cell, at: None }
+        Self { free, cells: Vec::new(), known: HashSet::new(), from: cell, to: cell, at: None }
     }
 
-    fn add(&mut self, cells: impl IntoIterator<Item = Cell>, map: &Grid) {
-        self.is_drawn.resize(map.free().len(), false);
-        let Self { cells: drawn, is_drawn, .. } = self;
-        drawn.extend(
-            cells
-                .into_iter()
-                .filter(|cell| !std::mem::replace(&mut is_drawn[map.index(*cell)], true)),
-        );
+    fn add(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        let known = &mut self.known;
+        self.cells.extend(cells.into_iter().filter(|cell| known.insert(*cell)));
     }
 }
 
 impl Editor {
     /// Returns an editor that looks the same, without edits to undo.
     pub fn shown(&self) -> Self {
-        let stroke = self.stroke.as_ref().map(|stroke| Stroke {
-            cells: stroke.cells.clone(),
-            is_drawn: Vec::new(),
-            ..*stroke
-        });
-        let Self { cursor, tool, .. } = *self;
-        Self { cursor, tool, stroke, ..Self::default() }
+        Self { history: Vec::new(), shown: 0, ..self.clone() }
     }
 
     pub fn is_open(&self) -> bool {
@@ -118,7 +107,7 @@ impl Editor {
         let n = i32::from(from.x.abs_diff(to.x).max(from.y.abs_diff(to.y))).max(1);
         for i in 0..=n {
             let at = Position::new(along(from.x, to.x, i, n), along(from.y, to.y, i, n));
-            stroke.add(frame.cells_at(at, map), map);
+            stroke.add(frame.cells_at(at, map));
         }
     }
 
@@ -311,7 +300,7 @@ mod tests {
         let map = Grid::empty("large", 2048, 1024);
         let mut stroke = Stroke::at(Cell::new(0, 0), false);
         // Like a mouse that moves back and forth: quadratic work would take hours.
-        (0..4).for_each(|_| stroke.add(map.free_cells(), &map));
+        (0..4).for_each(|_| stroke.add(map.free_cells()));
         assert_eq!(stroke.cells.len(), 2048 * 1024);
         assert!(stroke.cells.iter().copied().eq(map.free_cells()));
     }

@@ -239,9 +239,7 @@ impl Base {
             let open: Vec<f32> = field.iter().zip(&grounds).map(open).collect();
             let own = contours::interval(&[(&open, columns)], is_fine, interval);
             if let Some(interval) = shown_interval(own, screen) {
-                let near = canvas.pixel(shown_cell(maze).centre());
-                let labels = contours::draw(&mut canvas, (&open, columns), interval, near, &theme);
-                labels.iter().for_each(|label| canvas.label(label));
+                contours::draw(&mut canvas, (&open, columns), interval, &theme);
             }
             own
         });

@@ -214,13 +214,7 @@ fn draw_field(
     };
     ground::draw(&mut painter.canvas, field, &colours, looks, |_, _| false);
     if let (Some(field), Some(interval)) = (field, layout.contour_interval) {
-        let goal = (painter.place)(&state.shown_goal()).unwrap_or_default();
-        let near = painter.canvas.pixel(goal);
-        let labels = contours::draw(&mut painter.canvas, field, interval, near, &theme);
-        // The first row has the name of an arm's projection.
-        let is_below = |y: u16| projection.angle.is_none() || y > projection.frame.area.y;
-        let shown = labels.iter().filter(|label| is_below(label.at.y));
-        shown.for_each(|label| painter.canvas.label(label));
+        contours::draw(&mut painter.canvas, field, interval, &theme);
     }
 }
 
