@@ -1,10 +1,8 @@
 //! The command line.
 
-mod experiments;
 mod maps;
 mod screen;
 mod train;
-mod values;
 
 use std::path::PathBuf;
 
@@ -12,15 +10,15 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
-use crate::experiment::plot;
+use crate::experiment::{figures, plot, suite};
+use crate::host::maps::MapArgs;
+use crate::host::values::output;
 use gdg::map::BUILTIN;
 use gdg::train::Registry;
 
-pub use experiments::{ReproduceArgs, SuiteArgs};
-pub use maps::{ConvertArgs, MapArgs, MapsArgs, MapsCommand, THRESHOLD};
+pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
 pub use screen::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
 pub use train::TrainArgs;
-pub use values::EditAt;
 
 /// The program's name on the command line.
 const PROGRAM: &str = "gdg-tui";
@@ -92,11 +90,11 @@ pub enum Command {
     Compare(CompareArgs),
     /// Train on many maps, with several methods, settings and seeds: a table, and a report with
     /// pictures
-    Suite(SuiteArgs),
+    Suite(suite::Options),
     /// Draw the curves of several runs over their seeds, as a figure for a paper and as a table
     Plot(plot::Options),
     /// Reproduce the paper's figures: data, drawings and a report that compares
-    Reproduce(ReproduceArgs),
+    Reproduce(figures::Options),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
     ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
@@ -131,7 +129,7 @@ pub struct ExportArgs {
     /// Checkpoint to read
     pub checkpoint: PathBuf,
     /// Output file [default: CHECKPOINT with another extension]
-    #[arg(long, value_name = "FILE", value_parser = values::output())]
+    #[arg(long, value_name = "FILE", value_parser = output())]
     pub out: Option<PathBuf>,
     /// Replace the file if it exists
     #[arg(long)]

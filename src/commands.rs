@@ -49,15 +49,13 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
-        Some(Command::Suite(args)) => {
+        Some(Command::Suite(options)) => {
             logging::start(LevelFilter::Info);
-            let options = args.into();
             let suite = suite::prepare(&options, registry).map_err(bad_input)?;
             suite.run().map_err(failure)
         }
-        Some(Command::Reproduce(args)) => {
+        Some(Command::Reproduce(options)) => {
             logging::start(LevelFilter::Info);
-            let options = args.into();
             let figures = figures::prepare(&options, registry).map_err(bad_input)?;
             figures.run().map_err(failure)
         }

@@ -7,6 +7,7 @@ pub mod report;
 pub mod runs;
 pub mod setup;
 pub mod signals;
+pub mod values;
 pub mod waiting;
 
 /// The exit status of a failure while running; of bad usage or input; and when `--require-success`

@@ -8,7 +8,7 @@
 //! * `figure`: curves and maps at the size of print, as SVG, PNG and PDF.
 //! * [`headless`] (one run), [`tui`] (one run, or two side by side) and `experiment` (many runs in
 //!   parallel, whose results are kept: benchmark suites, the paper's figures) are the front ends.
-//! * [`cli`] parses the command line into what they need; [`commands`] has a file for each command.
+//! * [`cli`] parses the command line into what they need; [`commands`] has what each does.
 //!
 //! `docs/developing.md` says what to touch for a pane, an action, a command or a figure.
 

@@ -1,71 +1,13 @@
-//! Options of `gdg-tui maps`, and how maps are read.
+//! Options of `gdg-tui maps`.
 
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 
-use super::values::{counts, output, reals};
-use gdg::map::{FORMATS, MapFormat, MapScale, RANDOM_SIZES, RandomMapKind, Reading};
-
-/// The option for maps that are images.
-pub const THRESHOLD: &str = "--threshold";
-
-/// The option that is not only for maps.
-pub const GOAL_RADIUS: &str = "--goal-radius";
-
-/// How the file of a map is read.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Mazes of other programs")]
-pub struct MapArgs {
-    /// Enlarge a maze: N cells along each side of a block [default: 1]. Starts and goals are in the
-    /// middle of their blocks
-    #[arg(long, value_name = "N", value_parser = counts::<usize>(1..=MapScale::MAX_CELL as u64))]
-    pub cell: Option<usize>,
-
-    /// Widen walls and the map's edge by the radius of a body, in cells (after --cell) [default: 0]
-    #[arg(long, value_name = "M", value_parser = reals(0.0..=f64::from(MapScale::MAX_MARGIN), "a number from 0 to 100"))]
-    pub margin: Option<f64>,
-
-    /// Distance below which a goal is reached: in cells (after --cell) [default: 1], or in the unit
-    /// of an environment in Python [default: the environment's own]
-    #[arg(long, value_name = "R", value_parser = reals(1e-9..=1e9, "a distance from 1e-9 to 1e9"))]
-    pub goal_radius: Option<f64>,
-
-    /// Brightness below which pixels of an image are walls, from 0 to 1 [default: 0.5]
-    #[arg(long, value_name = "X", value_parser = reals(0.0..=1.0, "a number from 0 to 1"))]
-    pub threshold: Option<f64>,
-}
-
-impl MapArgs {
-    /// Returns the options that were given.
-    pub fn given(&self) -> Vec<&'static str> {
-        given([
-            (self.cell.is_some(), "--cell"),
-            (self.margin.is_some(), "--margin"),
-            (self.goal_radius.is_some(), GOAL_RADIUS),
-            (self.threshold.is_some(), THRESHOLD),
-        ])
-    }
-}
-
-/// Returns the options that were given.
-pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str> {
-    all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
-}
-
-impl From<&MapArgs> for Reading {
-    fn from(args: &MapArgs) -> Self {
-        let Self { scale, threshold, .. } = Self::default();
-        let scale = MapScale {
-            cell: args.cell.unwrap_or(scale.cell),
-            margin: args.margin.map_or(scale.margin, |margin| margin as f32),
-            ..scale
-        };
-        let threshold = args.threshold.map_or(threshold, |threshold| threshold as f32);
-        Self { scale, goal_radius: args.goal_radius.map(|radius| radius as f32), threshold }
-    }
-}
+use crate::host::maps::MapArgs;
+use crate::host::values::{counts, output};
+use gdg::map::{FORMATS, MapFormat, RANDOM_SIZES, RandomMapKind};
 
 #[derive(Debug, Args)]
 #[command(args_conflicts_with_subcommands = true, after_help = formats_help())]

@@ -8,44 +8,24 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args};
 use log::LevelFilter;
 
-use super::MapArgs;
-use super::values::{MethodParser, counts, log_levels, parse_threads};
+use crate::host::maps::MapArgs;
 use crate::host::runs::SAVES;
-use crate::tui::{ComparisonOptions, Contender, InterfaceOptions, Marker};
+use crate::host::values::{MethodParser, counts, log_levels, parse_threads};
+use crate::tui::{ComparisonOptions, Contender, InterfaceOptions};
 use gdg::files::has_extension;
 use gdg::learn::Threads;
 use gdg::map::builtin;
 use gdg::text::sanitized;
 
-/// Options of the interface.
-#[derive(Clone, Debug, Args)]
-pub struct InterfaceArgs {
-    /// Configuration file for theme, keys etc., instead of the default one
-    #[arg(long, value_name = "FILE")]
-    pub ui_config: Option<PathBuf>,
-
-    /// What the map is drawn with [default: auto: pixels where the terminal shows pictures, else
-    /// half blocks or quadrants]
-    #[arg(long, value_name = "MARKER", value_enum)]
-    pub marker: Option<Marker>,
-}
-
 /// Options of commands that only show something.
 #[derive(Debug, Args)]
 pub struct ScreenArgs {
     #[command(flatten)]
-    pub interface: InterfaceArgs,
+    pub interface: InterfaceOptions,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
     #[arg(long, value_name = "LEVEL", default_value = "info", value_parser = log_levels())]
     pub log_level: LevelFilter,
-}
-
-impl InterfaceArgs {
-    /// Returns the options of the interface.
-    pub fn options(&self) -> InterfaceOptions {
-        InterfaceOptions { config: self.ui_config.clone(), marker: self.marker }
-    }
 }
 
 const TOUR_EXAMPLES: &str = "\

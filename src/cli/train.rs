@@ -6,18 +6,15 @@ use std::time::Duration;
 use clap::Args;
 use log::LevelFilter;
 
-use super::MapArgs;
-use super::maps::{GOAL_RADIUS, given};
-use super::screen::InterfaceArgs;
-use super::values::{
-    EditAt, MethodParser, counts, edits, log_levels, methods_help, output, parse_threads,
-    preset_parser, reals, shares,
-};
 use crate::headless;
+use crate::host::maps::{GOAL_RADIUS, MapArgs, given};
 use crate::host::setup::RunChoice;
+use crate::host::values::{
+    EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
+};
+use crate::tui::InterfaceOptions;
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
-use gdg::train::{METHODS, Method, Preset};
 
 /// The map to train on unless another is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -35,7 +32,7 @@ pub struct TrainArgs {
     pub no_ui: bool,
 
     #[command(flatten)]
-    pub run: RunArgs,
+    pub run: RunChoice,
 
     /// Random seed: same seed, same run
     #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
@@ -115,7 +112,7 @@ pub struct TrainArgs {
     pub resume: Option<Option<PathBuf>>,
 
     #[command(flatten)]
-    pub interface: InterfaceArgs,
+    pub interface: InterfaceOptions,
 
     /// Print a template of the configuration file for theme, keys etc. with its default path, and
     /// exit
@@ -159,40 +156,6 @@ impl TrainArgs {
             overwrite: self.overwrite,
             require_success: self.require_success,
         }
-    }
-}
-
-/// Method and settings of a run.
-#[derive(Clone, Debug, Args)]
-pub struct RunArgs {
-    /// Learner and planner: one of these methods, or LEARNER+PLANNER
-    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
-    pub method: Method,
-
-    #[command(flatten)]
-    pub base: BaseArgs,
-
-    /// Change one setting (repeatable)
-    #[arg(long, value_name = "NAME=VALUE")]
-    pub set: Vec<String>,
-}
-
-/// What the settings of a run are based on.
-#[derive(Clone, Debug, Args)]
-pub struct BaseArgs {
-    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
-    #[arg(long, value_parser = preset_parser())]
-    pub preset: Option<Preset>,
-
-    /// Settings file: a JSON object as printed by --print-config
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-}
-
-impl RunArgs {
-    pub fn choice(&self) -> RunChoice {
-        let Self { method, base: BaseArgs { preset, config }, set } = self.clone();
-        RunChoice { method, preset, config, set }
     }
 }
 

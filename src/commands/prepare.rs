@@ -5,12 +5,13 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{EditAt, THRESHOLD, TrainArgs};
-use crate::host::maps::{self, find_map, known_name};
+use crate::cli::TrainArgs;
+use crate::host::maps::{self, THRESHOLD, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
 use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use crate::host::setup::{self, Edit, Setup, settings};
+use crate::host::values::EditAt;
 use gdg::env::{Environment, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
@@ -34,7 +35,7 @@ pub fn settings_to_print(
             .run()
             .settings
             .clone()),
-        None => settings(&args.run.choice(), args.map(), registry),
+        None => settings(&args.run, args.map(), registry),
     }
 }
 
@@ -155,7 +156,7 @@ fn begin_run(
     registry: &Arc<Registry>,
     progress: &Job,
 ) -> Result<(Trainer, Option<String>), Report> {
-    let run = setup::run(&args.run.choice(), args.map(), registry, args.seed)?;
+    let run = setup::run(&args.run, args.map(), registry, args.seed)?;
     if let Some(file) = &args.data {
         setup::check_data(file, progress)?;
     }
@@ -180,7 +181,7 @@ fn load_scenario(
     let scenario = map::read_scenario(path).map_err(from_map_error)?;
     let tasks = scenario.tasks(maze.map()).map_err(from_map_error)?;
     if !resumed {
-        scenario.check_lengths(&tasks, maze.map()).map_err(from_map_error)?;
+        scenario.check_paths(&tasks, maze.map()).map_err(from_map_error)?;
     }
     maze.set_scenario(tasks);
     let other = scenario.other_map(maze.map());

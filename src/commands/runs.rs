@@ -67,7 +67,7 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
-    let mut interface = tui::prepare(&args.screen.interface.options()).map_err(bad_input)?;
+    let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
     let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;
     let (mut status, mut notice) = (0, String::new());
     loop {
@@ -76,7 +76,7 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
         interface.notice = Some("q leads back to the list of runs");
         let ended = match opened {
             None => return Ok(status.max(signalled)),
-            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface, None),
+            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface),
             Some(Opened::Comparison(both)) => tui::compare(*both, &mut interface),
         };
         let (ended, files) = ended.map_err(failure)?;

@@ -45,8 +45,8 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
     if args.no_ui || obstacle.is_some() {
         return headless::run(setup, &args.headless()).map_err(failure);
     }
-    let mut interface = tui::prepare(&args.interface.options()).map_err(bad_input)?;
-    Ok(tui::run(setup, &mut interface, args.map.as_deref()).map_err(failure)?.0)
+    let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
+    Ok(tui::run(setup, &mut interface).map_err(failure)?.0)
 }
 
 /// Returns the registry with what is given of environments in Python and recorded data.
@@ -90,7 +90,7 @@ fn watch<T>(
         let problem = format!("{what} is something to watch: it needs a terminal, but {obstacle}");
         return Err(bad_input(miette!(help = instead, "{problem}")));
     }
-    let mut interface = tui::prepare(&args.interface.options()).map_err(bad_input)?;
+    let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
     Ok(show(prepared, &mut interface).map_err(failure)?.0)
 }
 

@@ -2,15 +2,15 @@
 //! the point mazes of OGBench, each a list of jobs and what is drawn of their results.
 
 mod catalogue;
-mod curves;
-mod maps;
-mod ogbench;
-mod output;
+mod drawn;
 mod report;
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
 use super::jobs::{JobOptions, Jobs, print_raw, warn_if_short};
@@ -18,36 +18,74 @@ use super::plan::{Length, Plan};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
+use crate::host::values::{counts, output};
 use catalogue::Entry;
-pub use catalogue::{Budget, FIGURES, Figure};
+use catalogue::{Budget, FIGURES, Figure};
+use drawn::Drawn;
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
-pub use ogbench::DataFolder;
-use output::Drawn;
 
-/// Which figures to reproduce, and how.
-#[derive(Clone, Debug)]
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui reproduce all                      all figures; run again to resume
+  gdg-tui reproduce fig3 fig4 --budget paper --out /shared/paper
+  gdg-tui reproduce fig6 --set gdg:hidden=256    runs only that method's jobs
+  gdg-tui reproduce ogbench                  beside published results
+  gdg-tui reproduce all --list               one line per job
+  gdg-tui reproduce all --job 3              the third, on a cluster
+  gdg-tui reproduce all --collect            report from the jobs that are done
+
+Exit status: as of gdg-tui suite.";
+
+#[derive(Clone, Debug, Args)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Options {
-    /// Names of figures, or `all` for those of the paper.
+    /// Figures of the paper, all of them, or OGBench's point mazes
+    #[arg(value_name = "FIGURE", required = true, value_parser = names())]
     pub figures: Vec<String>,
+
+    /// How much to train
+    #[arg(long, value_enum, default_value_t = Budget::Quick)]
     pub budget: Budget,
-    /// Updates of every job instead.
+
+    /// Train every job for N updates instead
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub updates: Option<u64>,
-    /// Episodes of every job instead.
+
+    /// Train every job for N episodes instead
+    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = counts::<u64>(1..=1 << 53))]
     pub episodes: Option<u64>,
-    /// Environment steps of every job instead.
+
+    /// Train every job for N environment steps instead
+    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = counts::<u64>(1..=1 << 53))]
     pub steps: Option<u64>,
-    /// Runs per method in figures over several seeds; otherwise as many as the figure has.
+
+    /// Runs per method in figures over several seeds, with seeds 1, 2, ...
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
-    /// Evaluation tasks at each distance; otherwise those of the figure.
+
+    /// Folder of OGBench's datasets, for the figure ogbench
+    #[arg(long, value_name = "FOLDER", default_value = "saves/ogbench", value_parser = output())]
+    pub data_dir: PathBuf,
+
+    /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
+    /// many along the way
+    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: Option<u32>,
-    pub data: DataFolder,
-    /// Changes of settings of all methods, or of one, `[METHOD:]NAME=VALUE`.
+
+    /// Change one setting of all methods, or of the one named (repeatable)
+    #[arg(long, value_name = "[METHOD:]NAME=VALUE")]
     pub set: Vec<String>,
+
+    #[command(flatten)]
     pub running: JobOptions,
 }
 
-/// Figures, ready to be reproduced.
+fn names() -> PossibleValuesParser {
+    let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
+    figures.chain([PossibleValue::new("all").help("All of the paper's")]).collect::<Vec<_>>().into()
+}
+
 pub struct Reproduction<'a> {
     options: &'a Options,
     jobs: Jobs<'a>,
@@ -67,7 +105,6 @@ impl MethodRuns {
     }
 }
 
-/// Checks all arguments and lists the jobs.
 pub fn prepare<'a>(
     options: &'a Options,
     registry: &'a Arc<Registry>,
@@ -75,18 +112,13 @@ pub fn prepare<'a>(
     let chosen: Vec<&'static Figure> =
         FIGURES.iter().filter(|figure| figure.is_among(&options.figures)).collect();
     check_prefixes(&options.set, &chosen)?;
-    let JobOptions { collect, list, .. } = options.running;
-    if !collect {
-        let entries = chosen.iter().flat_map(|figure| figure.methods);
-        let datasets: Vec<&str> = entries.filter_map(|entry| entry.dataset).collect();
-        options.data.collect(&datasets)?;
-    }
+    let JobOptions { collect, list, .. } = &options.running;
     let mut figures = Vec::new();
     for figure in chosen {
         let mut methods = Vec::new();
         for entry in figure.methods {
             let jobs = jobs(figure, entry, options, registry)?;
-            if !collect && !list {
+            if !*collect && !*list {
                 let usual = figure.plan(options.budget, entry.name).length;
                 let is_same_unit = jobs[0].plan.length.unit() == usual.unit();
                 warn_if_short(is_same_unit.then_some((&jobs[0], usual.amount())));
@@ -96,11 +128,10 @@ pub fn prepare<'a>(
         figures.push((figure, methods));
     }
     let all = figures.iter().flat_map(|(_, methods)| methods).flat_map(|method| &method.jobs);
-    let jobs = Jobs::new(all.cloned(), &options.running, registry)?;
+    let jobs = Jobs::new("reproduce", all.cloned(), &options.running, registry)?;
     Ok(Reproduction { options, jobs, figures })
 }
 
-/// Returns the jobs of a method in a figure, one per seed.
 fn jobs(
     figure: &Figure,
     entry: &Entry,
@@ -118,7 +149,10 @@ fn jobs(
             from_config_error(error).wrap_err(problem)
         })?;
     let mut plan = figure.plan(options.budget, entry.name);
-    plan.data = entry.dataset.map(|dataset| options.data.find(dataset)).transpose()?;
+    plan.data = entry
+        .dataset
+        .map(|dataset| catalogue::find_dataset(dataset, &options.data_dir))
+        .transpose()?;
     let lengths = [
         options.updates.map(Length::Updates),
         options.episodes.map(Length::Episodes),
@@ -137,7 +171,6 @@ fn jobs(
     (1..=if figure.several_seeds { seeds } else { 1 }).map(job).collect()
 }
 
-/// Checks that the methods named by `--set` are among those of `figures`.
 fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
     let mut names: Vec<&str> =
         figures.iter().flat_map(|figure| figure.methods).map(|entry| entry.name).collect();
@@ -153,7 +186,6 @@ fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
 }
 
 impl Reproduction<'_> {
-    /// Runs, draws or lists; returns the exit status.
     pub fn run(mut self) -> Result<u8, Report> {
         let mut figures = std::mem::take(&mut self.figures);
         self.jobs.run(|missing| self.draw(&mut figures, missing))

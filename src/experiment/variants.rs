@@ -5,26 +5,15 @@ use miette::{Report, miette};
 use serde_json::Value;
 
 use super::spec::setting_text;
-use crate::host::setup::{RunChoice, split_prefix};
+use crate::host::setup::{Base, RunChoice, split_prefix};
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
-/// A method with settings of its own.
 pub struct Variant {
     pub name: Option<String>,
     /// What names of jobs say of it.
     pub label: String,
     pub run: RunChoice,
-}
-
-/// What is trained besides the methods as they are.
-#[derive(Clone, Debug)]
-pub enum Variation {
-    /// Every value of every `NAME=VALUE,VALUE`, instead of the methods as they are: all
-    /// combinations.
-    Sweep(Vec<String>),
-    /// These variants of the default method, whatever methods are named.
-    Ablation(Ablation),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -35,7 +24,6 @@ pub enum Ablation {
     Ladder,
 }
 
-/// The default's method.
 const METHOD: &str = METHODS[0].name;
 
 /// Two settings of the default changed at once, besides those whose entry has an ablation.
@@ -88,16 +76,13 @@ fn label(method: &str, name: Option<&str>, swept: &[String]) -> String {
 }
 
 /// Returns every method as it is and with the settings of each variant that `set`,
-/// `[NAME:]SETTING=VALUE`, names, or what `variation` makes of them.
+/// `[NAME:]SETTING=VALUE`, names; with every value of every sweep instead, if there are any.
 pub fn variants(
     methods: &[Method],
     base: &RunChoice,
-    variation: &Variation,
+    sweeps: &[String],
 ) -> Result<Vec<Variant>, Report> {
-    let sweeps = match variation {
-        Variation::Ablation(ablation) => return Ok(ablation.variants(base)),
-        Variation::Sweep(sweeps) => combinations(sweeps)?,
-    };
+    let sweeps = combinations(sweeps)?;
     let own: Vec<String> = methods.iter().map(Method::name).collect();
     let mut names: Vec<Option<&str>> = vec![None];
     for name in base.set.iter().filter_map(|text| split_prefix(text).0) {
@@ -141,7 +126,6 @@ fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
     Ok(())
 }
 
-/// Returns all combinations of the values of sweeps; without sweeps, one that changes nothing.
 fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
     let mut all = vec![Vec::new()];
     for sweep in sweeps {
@@ -165,12 +149,13 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
 
 impl Ablation {
     /// Returns its variants in the order of the table, each on top of the settings of `base`.
-    fn variants(self, base: &RunChoice) -> Vec<Variant> {
+    pub fn variants(self, base: &RunChoice) -> Vec<Variant> {
         let variant = |name: &str, method: &str, preset, set: &[String]| {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
-            let run = RunChoice { method, preset: Some(preset), config: None, set };
+            let base = Base { preset: Some(preset), config: None };
+            let run = RunChoice { method, base, set };
             Variant { name: Some(name.to_owned()), label, run }
         };
         if self == Self::Ladder {
@@ -203,19 +188,21 @@ mod tests {
     use super::*;
     use gdg::train::{Overrides, TrainSettings, settings_from};
 
-    fn base(set: &[&str]) -> RunChoice {
-        let set = set.iter().map(|text| (*text).to_owned()).collect();
-        RunChoice { method: Method::default(), preset: None, config: None, set }
+    fn base(set: &str) -> RunChoice {
+        let set = vec![set.to_owned()];
+        RunChoice { method: Method::default(), base: Base::default(), set }
     }
 
     fn settings(variant: &Variant) -> Settings {
         let overrides = Overrides { set: &variant.run.set, ..Overrides::default() };
-        settings_from(variant.run.preset.expect("a preset"), &overrides).expect("valid settings")
+        settings_from(variant.run.base.preset.expect("a preset"), &overrides)
+            .expect("valid settings")
     }
 
     #[test]
     fn the_ladder_climbs_from_the_preset_paper_to_the_default() {
-        let ladder = Ablation::Ladder.variants(&base(&[]));
+        let none = RunChoice { set: Vec::new(), ..base("") };
+        let ladder = Ablation::Ladder.variants(&none);
         let first = Settings {
             train: TrainSettings { env_noise: 0.0, ..TrainSettings::of(Preset::Paper) },
             ..Preset::Paper.settings()
@@ -224,31 +211,35 @@ mod tests {
         assert_eq!(settings(&ladder[ladder.len() - 1]), Settings::default());
         assert!(ladder.windows(2).all(|rungs| settings(&rungs[0]) != settings(&rungs[1])));
         assert_eq!(ladder[4].label, "gdg-bridge-grid-encoding");
-        let components = Ablation::Components.variants(&base(&["hidden=16"]));
+        let components = Ablation::Components.variants(&base("hidden=16"));
         assert!(components.iter().all(|variant| settings(variant).learn.hidden == 16));
     }
 
     #[test]
     fn sweeps_are_all_combinations_and_nothing_else() {
         let of = |sweeps: &[&str]| {
-            let sweeps = sweeps.iter().map(|text| (*text).to_owned()).collect();
-            let all =
-                variants(&[Method::default()], &base(&["tau=0.1"]), &Variation::Sweep(sweeps));
+            let sweeps: Vec<String> = sweeps.iter().map(|text| (*text).to_owned()).collect();
+            let all = variants(&[Method::default()], &base("tau=0.1"), &sweeps);
             let all = all.map_err(|error| error.to_string())?;
-            assert!(all.iter().all(|variant| variant.label.starts_with("gdg-bridge")));
-            Ok::<_, String>(all.iter().map(|variant| variant.run.set.join(" ")).collect::<Vec<_>>())
+            Ok::<_, String>(
+                all.iter().map(|variant| variant.run.set[1..].join(" ")).collect::<Vec<_>>(),
+            )
         };
-        assert_eq!(of(&[]), Ok(vec!["tau=0.1".to_owned()]));
-        assert_eq!(
-            of(&["hidden=32,64", "grid_cells=[4,2],[]"]).expect("settings"),
-            [
-                "tau=0.1 hidden=32 grid_cells=[4,2]",
-                "tau=0.1 hidden=32 grid_cells=[]",
-                "tau=0.1 hidden=64 grid_cells=[4,2]",
-                "tau=0.1 hidden=64 grid_cells=[]"
-            ]
-        );
-        assert_eq!(of(&["loss=sqrt, mse"]).expect("settings").len(), 2);
+        for (sweeps, expected) in [
+            (&[][..], &[""][..]),
+            (
+                &["hidden=32,64", "grid_cells=[4,2],[]"],
+                &[
+                    "hidden=32 grid_cells=[4,2]",
+                    "hidden=32 grid_cells=[]",
+                    "hidden=64 grid_cells=[4,2]",
+                    "hidden=64 grid_cells=[]",
+                ],
+            ),
+            (&["loss=sqrt, mse"], &["loss=sqrt", "loss=mse"]),
+        ] {
+            assert_eq!(of(sweeps).expect("settings"), expected);
+        }
         assert!(of(&["hidden"]).is_err_and(|error| error.contains("not SETTING=VALUE")));
     }
 }

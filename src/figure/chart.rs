@@ -1,7 +1,7 @@
 //! Charts of curves: means over seeds with their bands, all over the same range.
 
 use super::sheet::{Anchor, Mark, Sheet, Text, circle, fitted, text_width};
-use gdg::draw::{Rgb, contrast};
+use gdg::draw::Rgb;
 
 /// Size of letters: of ticks and labels, of charts' titles, and of the page's.
 const LETTERS: f32 = 7.0;
@@ -30,9 +30,6 @@ const MARGIN: f32 = 5.0;
 /// others.
 const FLAT: f32 = 0.4;
 const SHAPE: f32 = 0.62;
-
-/// Names are beside the curves if they take at most this share of a chart's width.
-const NAMES_SHARE: f32 = 0.34;
 
 /// Length of the line in front of a name above the charts.
 const SAMPLE: f32 = 14.0;
@@ -96,7 +93,6 @@ pub struct Point {
     pub high: f64,
 }
 
-/// Charts on a page.
 #[derive(Clone, Debug)]
 pub struct Page<'a> {
     /// What they show, for the file's metadata.
@@ -105,7 +101,6 @@ pub struct Page<'a> {
     pub has_heading: bool,
     pub charts: &'a [Chart],
     pub width: f32,
-    /// Charts side by side.
     pub columns: usize,
 }
 
@@ -116,10 +111,8 @@ impl Point {
 }
 
 impl Range {
-    /// Shares, from 0 to 1.
     pub const SHARE: Self = Self { low: 0.0, high: 1.0, log: false };
 
-    /// Returns the range from 0 to the highest of `values`.
     pub fn from_zero(values: impl Iterator<Item = f64>) -> Self {
         let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
         let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
@@ -157,7 +150,6 @@ impl Range {
     }
 }
 
-/// A rectangle: left, top, right and bottom.
 #[derive(Clone, Copy)]
 struct Area {
     left: f32,
@@ -166,7 +158,6 @@ struct Area {
     bottom: f32,
 }
 
-/// A chart at its place.
 struct Placed<'a> {
     chart: &'a Chart,
     area: Area,
@@ -176,9 +167,12 @@ impl Page<'_> {
     pub fn draw(&self) -> Sheet {
         let columns = self.columns.clamp(1, self.charts.len().max(1));
         let column = (self.width - MARGIN * (columns as f32 + 1.0)) / columns as f32;
-        let names = self.names();
-        let widest = names.iter().map(|curve| text_width(&curve.name, LETTERS)).fold(0.0, f32::max);
-        let beside = columns == 1 && widest <= NAMES_SHARE * column;
+        let mut names: Vec<&Curve> = Vec::new();
+        for curve in self.charts.iter().flat_map(|chart| &chart.curves) {
+            if names.iter().all(|known| known.name != curve.name) {
+                names.push(curve);
+            }
+        }
         let mut sheet =
             Sheet { size: [self.width, 0.0], title: self.title.to_owned(), marks: Vec::new() };
         let mut top = MARGIN;
@@ -187,13 +181,12 @@ impl Page<'_> {
             sheet.text([MARGIN, top + HEADING], self.title, size, Anchor::Start, INK);
             top += 2.0 * HEADING;
         }
-        if !beside && !names.is_empty() {
+        if !names.is_empty() {
             top = legend(&mut sheet, &names, top);
         }
         let ticks = self.charts.iter().flat_map(|chart| tick_labels(&chart.y.ticks()));
         let ticks = ticks.map(|text| text_width(&text, LETTERS)).fold(0.0, f32::max);
         let left = LETTERS * 1.3 + GAP + ticks + GAP + TICK;
-        let right = if beside { widest + 6.0 } else { 6.0 };
         let (below, labelled) = (TICK + GAP + LETTERS, LETTERS * 1.4);
         let shape = if columns == 1 && self.charts.len() > 1 { FLAT } else { SHAPE };
         for (row, charts) in self.charts.chunks(columns).enumerate() {
@@ -204,31 +197,18 @@ impl Page<'_> {
             let bottom = top + shape * (column - left).max(20.0);
             for (i, chart) in charts.iter().enumerate() {
                 let start = MARGIN + i as f32 * (column + MARGIN);
-                let (from, to) = (start + left, start + column - right);
+                let (from, to) = (start + left, start + column - MARGIN);
                 let placed = Placed { chart, area: Area { left: from, top, right: to, bottom } };
                 let is_lowest = (row + 1) * columns + i >= self.charts.len();
                 // A label is not repeated along a row.
                 let is_new = i == 0 || chart.labels[1] != charts[i - 1].labels[1];
                 placed.axes(&mut sheet, start, [is_lowest, is_new]);
                 placed.curves(&mut sheet);
-                if beside {
-                    placed.names(&mut sheet);
-                }
             }
             top = bottom + below + if is_last { labelled } else { MARGIN };
         }
         sheet.size[1] = top + MARGIN;
         sheet
-    }
-
-    fn names(&self) -> Vec<&Curve> {
-        let mut names: Vec<&Curve> = Vec::new();
-        for curve in self.charts.iter().flat_map(|chart| &chart.curves) {
-            if names.iter().all(|known| known.name != curve.name) {
-                names.push(curve);
-            }
-        }
-        names
     }
 }
 
@@ -258,16 +238,6 @@ fn marker(number: usize, [x, y]: [f32; 2]) -> Vec<[f32; 2]> {
         3 => vec![[x, y - 1.5 * r], [x + 1.5 * r, y], [x, y + 1.5 * r], [x - 1.5 * r, y]],
         _ => vec![[x, y + 1.3 * r], [x - 1.2 * r, y - r], [x + 1.2 * r, y - r]],
     }
-}
-
-/// Returns `colour`, darkened until text in it is easy to read on white (a contrast of 4.5).
-fn dark(colour: Rgb) -> Rgb {
-    let mut found = colour;
-    while contrast(found, (255, 255, 255)) < 4.5 {
-        let darker = |part: u8| (f32::from(part) * 0.95) as u8;
-        found = (darker(found.0), darker(found.1), darker(found.2));
-    }
-    found
 }
 
 impl Placed<'_> {
@@ -313,7 +283,6 @@ impl Placed<'_> {
         }
     }
 
-    /// Draws bands, curves and markers, the first curve on top.
     fn curves(&self, sheet: &mut Sheet) {
         for Curve { colour, points, .. } in self.chart.curves.iter().rev() {
             if points.iter().any(|point| point.low < point.high) {
@@ -332,53 +301,6 @@ impl Placed<'_> {
             markers.into_iter().for_each(|corners| sheet.area(corners, curve.colour));
         }
     }
-
-    fn names(&self, sheet: &mut Sheet) {
-        let Area { top, right, bottom, .. } = self.area;
-        let ends: Vec<(&Curve, [f32; 2])> = (self.chart.curves.iter())
-            .filter_map(|curve| Some((curve, curve.points.last()?)))
-            .map(|(curve, last)| (curve, self.at(last.x, last.mean)))
-            .collect();
-        let wanted: Vec<f32> = ends.iter().map(|(_, [_, y])| *y).collect();
-        let places = spread(&wanted, 1.2 * LETTERS, top, bottom);
-        for ((curve, [x, y]), place) in ends.into_iter().zip(places) {
-            if (place - y).abs() > 1.0 || right - x > 2.0 * RADIUS {
-                let from = x + 1.2 * RADIUS;
-                sheet.line(vec![[from, y], [right + 5.0, place]], GRID, curve.colour);
-            }
-            let at = [right + 6.0, place + 0.36 * LETTERS];
-            sheet.text(at, &curve.name, LETTERS, Anchor::Start, dark(curve.colour));
-        }
-    }
-}
-
-/// Returns the place of each label: as close as possible to where it is `wanted`, at least `gap`
-/// from the others, and between `low` and `high` if they fit.
-fn spread(wanted: &[f32], gap: f32, low: f32, high: f32) -> Vec<f32> {
-    let mut order: Vec<usize> = (0..wanted.len()).collect();
-    order.sort_by(|a, b| wanted[*a].total_cmp(&wanted[*b]));
-    // Groups of labels that touch: the place of the first, and their number.
-    let mut groups: Vec<(f32, usize)> = Vec::new();
-    for i in &order {
-        groups.push((wanted[*i].clamp(low, high.max(low)), 1));
-        while let [.., (upper, above), (lower, below)] = groups[..]
-            && upper + above as f32 * gap > lower
-        {
-            // The first label of both, where their places differ least from those wanted.
-            let (a, b) = (above as f32, below as f32);
-            let first = (a * upper + b * (lower - a * gap)) / (a + b);
-            groups.pop();
-            groups.pop();
-            let end = first + (a + b - 1.0) * gap;
-            let shift = (high - end).min(0.0);
-            groups.push(((first + shift).max(low), above + below));
-        }
-    }
-    let places =
-        groups.iter().flat_map(|(first, count)| (0..*count).map(move |i| first + i as f32 * gap));
-    let mut found = vec![0.0; wanted.len()];
-    order.iter().zip(places).for_each(|(i, place)| found[*i] = place);
-    found
 }
 
 /// Returns the multiples of 1, 2 or 5 times a power of ten from `low` to `high`: as many as
@@ -448,18 +370,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_keep_apart_and_within_bounds() {
-        assert_eq!(spread(&[10.0, 50.0], 8.0, 0.0, 100.0), [10.0, 50.0], "they do not touch");
-        assert_eq!(spread(&[50.0, 50.0], 8.0, 0.0, 100.0), [46.0, 54.0]);
-        let all = spread(&[0.0, 1.0, 0.0, 99.0, 100.0], 10.0, 0.0, 100.0);
-        let mut sorted = all.clone();
-        sorted.sort_by(f32::total_cmp);
-        assert!(sorted.windows(2).all(|pair| pair[1] - pair[0] > 9.99), "{all:?}");
-        assert!(sorted[0] >= 0.0 && sorted[4] <= 100.0, "{all:?}");
-        assert!(all[0] < all[1] && all[3] < all[4], "in the order of the curves: {all:?}");
-    }
-
-    #[test]
     fn ticks_are_round_and_few() {
         assert_eq!(tick_labels(&round_ticks(0.0, 1.0, 6)), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
         assert_eq!(tick_labels(&round_ticks(0.0, 58_731.0, 4)), ["0", "20k", "40k"]);
@@ -469,6 +379,7 @@ mod tests {
         );
         assert_eq!(tick_labels(&round_ticks(0.0, 0.031, 4)), ["0", "0.01", "0.02", "0.03"]);
         assert_eq!(round_ticks(5.0, 5.0, 4), [5.0]);
+        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
         for high in [0.007, 1.0, 9.99, 123.0, 1e7] {
             let ticks = round_ticks(0.0, high, 5);
             assert!((2..=5).contains(&ticks.len()), "{high}: {ticks:?}");
@@ -481,10 +392,5 @@ mod tests {
         assert_eq!(tick_labels(&logarithmic_ticks(0.05, 0.6)), ["0.05", "0.1", "0.2", "0.5"]);
         assert_eq!([outwards(0.037, false), outwards(0.037, true)], [0.02, 0.05]);
         assert_eq!([outwards(1.0, false), outwards(1.0, true)], [1.0, 1.0]);
-    }
-
-    #[test]
-    fn numbers_are_short() {
-        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
     }
 }

@@ -1,18 +1,79 @@
-//! Finds the maps that commands name, and warns about them.
+//! Finds the maps that commands name, reads them as options say, and warns about them.
 
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use clap::Args;
 use miette::{Report, miette};
 
 use crate::host::report::from_map_error;
-use gdg::map::{self, Cell, Components, Grid, MapError, Reading, StepSearch};
+use crate::host::values::{counts, reals};
+use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
 use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
 
 /// Maps with fewer free cells are taken for mistakes.
 const FEWEST_CELLS: usize = 4;
+
+/// The option for maps that are images.
+pub const THRESHOLD: &str = "--threshold";
+
+/// The option that is not only for maps.
+pub const GOAL_RADIUS: &str = "--goal-radius";
+
+/// How the file of a map is read.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Mazes of other programs")]
+pub struct MapArgs {
+    /// Enlarge a maze: N cells along each side of a block [default: 1]. Starts and goals are in the
+    /// middle of their blocks
+    #[arg(long, value_name = "N", value_parser = counts::<usize>(1..=MapScale::MAX_CELL as u64))]
+    pub cell: Option<usize>,
+
+    /// Widen walls and the map's edge by the radius of a body, in cells (after --cell) [default: 0]
+    #[arg(long, value_name = "M", value_parser = reals(0.0..=f64::from(MapScale::MAX_MARGIN), "a number from 0 to 100"))]
+    pub margin: Option<f64>,
+
+    /// Distance below which a goal is reached: in cells (after --cell) [default: 1], or in the unit
+    /// of an environment in Python [default: the environment's own]
+    #[arg(long, value_name = "R", value_parser = reals(1e-9..=1e9, "a distance from 1e-9 to 1e9"))]
+    pub goal_radius: Option<f64>,
+
+    /// Brightness below which pixels of an image are walls, from 0 to 1 [default: 0.5]
+    #[arg(long, value_name = "X", value_parser = reals(0.0..=1.0, "a number from 0 to 1"))]
+    pub threshold: Option<f64>,
+}
+
+impl MapArgs {
+    /// Returns the options that were given.
+    pub fn given(&self) -> Vec<&'static str> {
+        given([
+            (self.cell.is_some(), "--cell"),
+            (self.margin.is_some(), "--margin"),
+            (self.goal_radius.is_some(), GOAL_RADIUS),
+            (self.threshold.is_some(), THRESHOLD),
+        ])
+    }
+}
+
+/// Returns the options that were given.
+pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str> {
+    all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
+}
+
+impl From<&MapArgs> for Reading {
+    fn from(args: &MapArgs) -> Self {
+        let Self { scale, threshold } = Self::default();
+        let scale = MapScale {
+            cell: args.cell.unwrap_or(scale.cell),
+            margin: args.margin.map_or(scale.margin, |margin| margin as f32),
+            goal_radius: args.goal_radius.map_or(scale.goal_radius, |radius| radius as f32),
+            ..scale
+        };
+        Self { scale, threshold: args.threshold.map_or(threshold, |threshold| threshold as f32) }
+    }
+}
 
 pub fn warn(grid: &Grid) {
     warnings(grid).iter().for_each(|warning| eprint_line(warning));
@@ -22,19 +83,17 @@ pub fn warn(grid: &Grid) {
 pub fn warnings(grid: &Grid) -> Vec<String> {
     let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
     let is_marked = !grid.starts().is_empty();
-    let components = is_marked.then(|| StepSearch::new(grid).components(grid));
+    let components = is_marked.then(|| Components::of(grid));
     let unconnected = components.and_then(|components| unconnected_parts(grid, &components));
     doubts(grid).into_iter().chain(unconnected).map(named).collect()
 }
 
 /// Returns signs that a map is not what its author meant.
-pub fn doubts(grid: &Grid) -> Vec<String> {
+pub fn doubts(grid: &Grid) -> Option<String> {
     let free = grid.free_count();
     let few = counted(free as u64, "free cell");
     let few = format!("the map has only {few}: too few to learn anything");
-    let letters =
-        grid.doubt().map(|doubt| format!("{doubt}: write walls as '#' and free cells as '.'"));
-    letters.into_iter().chain((free < FEWEST_CELLS).then_some(few)).collect()
+    (free < FEWEST_CELLS).then_some(few)
 }
 
 /// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
@@ -83,7 +142,7 @@ pub fn known_name(path: &Path) -> &str {
 pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
     let name = known_name(path);
     if let Some(grid) = map::builtin(name) {
-        return reading.map_of(name, &grid).map_err(from_map_error);
+        return reading.scale.of(name, &grid).map_err(from_map_error);
     }
     if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";

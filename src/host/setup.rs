@@ -3,18 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::host::maps::{find_map, known_name};
 use crate::host::report::{from_config_error, from_data_error, from_map_error};
+use crate::host::values::{MethodParser, methods_help, preset_parser};
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{Grid, MapError, Reading};
 use gdg::text::sanitized;
 use gdg::train::{
-    self, Dataset, LeftOut, Limits, Method, Overrides, Preset, Registry, Run, SaveTo, Settings,
-    TrainError, Trainer,
+    self, Dataset, LeftOut, Limits, METHODS, Method, Overrides, Preset, Registry, Run, SaveTo,
+    Settings, TrainError, Trainer,
 };
 
 /// A run that is ready to be trained.
@@ -40,20 +42,36 @@ pub struct Edit {
 }
 
 /// Which method to train, and with which settings.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct RunChoice {
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
     pub method: Method,
-    /// The preset to start from; otherwise that of the method.
-    pub preset: Option<Preset>,
-    pub config: Option<PathBuf>,
-    /// Changes of single settings, `NAME=VALUE`.
+
+    #[command(flatten)]
+    pub base: Base,
+
+    /// Change one setting (repeatable)
+    #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
+}
+
+/// What the settings of a run are based on.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Base {
+    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
+    #[arg(long, value_parser = preset_parser())]
+    pub preset: Option<Preset>,
+
+    /// Settings file: a JSON object as printed by --print-config
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
 }
 
 impl RunChoice {
     /// Returns the preset to start from, with a learner of `registry`.
     pub fn preset(&self, registry: &Registry) -> Preset {
-        self.preset.unwrap_or_else(|| registry.preset_of(&self.method))
+        self.base.preset.unwrap_or_else(|| registry.preset_of(&self.method))
     }
 }
 
@@ -62,7 +80,7 @@ impl RunChoice {
 pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result<Settings, Report> {
     let defaults =
         registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
-    let overrides = Overrides { defaults, config: choice.config.as_deref(), set: &choice.set };
+    let overrides = Overrides { defaults, config: choice.base.config.as_deref(), set: &choice.set };
     train::settings_from(choice.preset(registry), &overrides).map_err(from_config_error)
 }
 

@@ -49,13 +49,11 @@ struct Side {
     about: Option<String>,
 }
 
-/// Two runs on one screen.
 pub struct Comparison {
     pub sessions: [Session; 2],
     sides: [Side; 2],
     race: Race,
     pub axis: Axis,
-    /// The side that is shown larger.
     larger: Option<usize>,
     /// The side with the mouse.
     mouse_on: usize,
@@ -66,7 +64,6 @@ pub struct Comparison {
     pub log: Log,
     /// Where things were last drawn, except for the maps.
     pub layout: ScreenLayout,
-    /// Whether there was an internal error.
     failed: bool,
 }
 
@@ -96,7 +93,6 @@ fn maze_of(session: &Session) -> &MazeState {
 }
 
 impl Comparison {
-    /// Starts both runs; both agents walk to the map's own goal, or to a random one.
     pub fn start(
         contestants: [Contestant; 2],
         config: &UiConfig,
@@ -130,7 +126,6 @@ impl Comparison {
         maze_of(&self.sessions[side])
     }
 
-    /// Puts both agents at `start` and lets them walk to `goal`.
     fn start_race(&mut self, start: Cell, goal: Cell) {
         for session in &mut self.sessions {
             // The goal comes last: a view with its number has both.
@@ -139,7 +134,7 @@ impl Comparison {
                 maze.set_goal(goal, screen, link);
             });
         }
-        let requests = self.sessions.each_ref().map(|session| session.link.goal_request());
+        let requests = self.sessions.each_ref().map(|session| session.link.goal_request);
         self.race.begin(start, goal, requests);
     }
 
@@ -147,22 +142,10 @@ impl Comparison {
         self.log.show(text, false);
     }
 
-    /// Returns the text of the current notice, and the notice: of the comparison, or of its runs.
-    fn notice(&self) -> Option<(String, Notice<'_>)> {
-        let own = self.log.notice().map(|notice| (notice.text.to_owned(), notice));
-        own.or_else(|| {
-            let [a, b] = self.sessions.each_ref().map(|session| session.screen.log.notice());
-            if let (Some(a), Some(b)) = (a, b)
-                && a.text == b.text
-            {
-                return Some((a.text.to_owned(), a));
-            }
-            let said = [a, b]
-                .into_iter()
-                .zip(LETTERS)
-                .filter_map(|(notice, letter)| Some(format!("{letter}: {}", notice?.text)));
-            Some((said.collect::<Vec<_>>().join("; "), a.or(b)?))
-        })
+    /// Returns the current notice: of the comparison, or else of one of its runs.
+    fn notice(&self) -> Option<Notice<'_>> {
+        let [a, b] = self.sessions.each_ref().map(|session| &session.screen.log);
+        [&self.log, a, b].into_iter().find_map(Log::notice)
     }
 
     pub fn mode(&self) -> Mode {

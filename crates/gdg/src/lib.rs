@@ -25,12 +25,12 @@
 //!   never does.
 //! * [`env`](mod@env): the interface of a world ([`env::Environment`], with optional
 //!   [`env::Abilities`]) and the built-in worlds, a folder each.
-//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file
-//!   each. Submodules, in their order: `kernels` (dense loops and products; the only unsafe code is
-//!   in [`learn::kernel`]), `networks` (inputs, weights, what networks compute together, policies),
-//!   `data` (replay, batches, known distances) and `update` (losses and their hand-written
-//!   gradients, optimiser steps, threads; [`learn::Reference`] computes the same by candle's
-//!   autograd, for tests).
+//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in ones, variants of
+//!   [`learn::NetworkLearner`]. Submodules, in their order: `kernels` (dense loops and products; the
+//!   only unsafe code is in [`learn::kernel`]), `networks` (inputs, weights, what networks compute
+//!   together, policies), `data` (replay, batches, known distances and what they add) and `update`
+//!   (losses and their hand-written gradients, optimiser steps, threads). Tests compare these with
+//!   `src/learn/reference.rs`, the same in plain arithmetic.
 //! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge
 //!   graph, following plans through it, the published search.
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, and
@@ -77,8 +77,8 @@
 //! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the
 //! replay, a [`learn::Policy`] that offers D and mu, saving and loading) and its
 //! [`learn::LearnerKind`]; a learner with a Q function converts Q(s, mu(s,g), g) to steps, as
-//! `src/learn/ddpg/` does. Then one line in [`learn::LEARNERS`], and one in [`train::METHODS`] for
-//! each combination with a planner that should have its own name.
+//! `src/learn/networks/returns.rs` does. Then one line in [`learn::LEARNERS`], and one in
+//! [`train::METHODS`] for each combination with a planner that should have its own name.
 //!
 //! # Invariants
 //!

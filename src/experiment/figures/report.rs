@@ -1,33 +1,29 @@
 //! The report: every figure with the paper's results beside ours, in Markdown.
 
 use super::MethodRuns;
-use super::catalogue::{Budget, Figure, Shows};
-use super::curves::{Panel, last, least, stays_at};
-use super::ogbench::{PUBLISHED_METHODS, published_on};
-use super::output::Drawn;
-use crate::experiment::measure::{Measured, RandomTasks};
+use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
+use super::drawn::{Drawn, Panel, last};
+use crate::experiment::measure::RandomTasks;
 use crate::experiment::plot::Line;
 use crate::experiment::report::markdown_table;
 use gdg::text::counted;
 
-/// How the bridge point of Figure 2 is found.
 const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a \
                              bridge point: b with D(s,b) + D(b,g) < D(s,g), among candidates that \
                              are at least a quarter of D(s,g) from either end.";
 
-/// What the numbers of figures over training are.
+const MAPS: &str = "Blue: the start s; orange: the goal g; red: the bridge point b and the plan; \
+                    white: the walk.\n";
+
 const AT_THE_END: &str = "Ours: success rate at the end, all distances.";
 
-/// What Figure 1 compares.
 const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and \
                    mu) and DDPG (which regresses Q on -|s' - g|) converge alike. DDPG + HER with \
                    sparse rewards and GDG with a learned D are our additions.";
 
-/// What the columns of Figure 3 are.
 const RANDOM: &str = " Anywhere: from anywhere to anywhere; as in training: to goals drawn as in \
                       training (`near_goals`), like the 200 tasks of the paper's figure.";
 
-/// How datasets are learned from, and where the numbers of others come from.
 const DATASETS: &str = "in the built-in maze, after learning from a million recorded transitions \
                         alone, on one core. Others: a million updates; GCIVL, QRL, CRL and HIQL \
                         as in OGBench (Park et al., \
@@ -35,7 +31,6 @@ const DATASETS: &str = "in the built-in maze, after learning from a million reco
                         [2510.07257](https://arxiv.org/abs/2510.07257), ALPS as in \
                         [2602.05031](https://arxiv.org/abs/2602.05031).";
 
-/// How the paper's figures were made.
 const OF_PAPER: &str = " Success: the goal reached within 500 steps, with the arm within its episode \
                         of 50; methods that plan are evaluated with planning. Our maps are not the \
                         paper's, whose arrays are not published: the city's diameter is 240 \
@@ -64,10 +59,9 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
 pub fn section(figure: &Figure, methods: &[MethodRuns], drawn: &Drawn) -> String {
     let (name, title) = (figure.name, figure.title);
     let shown = match figure.shows {
-        Shows::SuccessByDistance => distance_table(methods, &drawn.panels[0]),
-        Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
-        Shows::Paths => maps_table(drawn),
-        _ => training_table(figure, methods, &drawn.panels),
+        Shows::Bridge => format!("{BRIDGE_SEARCH} {MAPS}"),
+        Shows::Paths => MAPS.to_owned(),
+        _ => table(figure, methods, &drawn.panels),
     };
     format!(
         "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
@@ -101,45 +95,35 @@ fn run(method: &MethodRuns) -> String {
 /// What a column shows of a method, given its line in the first chart.
 type Show = fn(&MethodRuns, &Line) -> String;
 
-/// Returns the columns that a figure has besides the last values.
 fn columns(figure: &Figure) -> &'static [(&'static str, Show)] {
     match figure.shows {
-        Shows::CompleteSuccess => {
-            &[("1.00 from (environment steps)", complete_from), ("environment steps", steps)]
+        Shows::DistanceLeft => {
+            &[("reached at the end", reached_at_the_end), ("environment steps", steps)]
         }
-        Shows::DistanceLeft => &[
-            ("reached at the end", reached_at_the_end),
-            ("least steps left", |_, line| numbers(&least(line), 1)),
-            ("environment steps", steps),
-        ],
-        Shows::Success => &[
+        Shows::Success if figure.world != "fetch-reach" => &[
             ("anywhere", |method, _| random(method, |random| random.anywhere)),
             ("as in training", |method, _| random(method, |random| random.as_in_training)),
             ("environment steps", steps),
         ],
-        _ => &[("seconds", |method, _| {
+        Shows::Datasets => &[("seconds", |method, _| {
             numbers(&method.results.iter().map(|result| result.seconds).collect::<Vec<f64>>(), 0)
         })],
+        _ => &[("environment steps", steps)],
     }
 }
 
-/// Returns the last values of a figure over training, beside the published ones.
-fn training_table(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> String {
+/// Returns the last values of a figure, beside the published ones.
+fn table(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> String {
     let columns = columns(figure);
     let is_ogbench = figure.shows == Shows::Datasets;
     let about = match figure.shows {
-        Shows::CompleteSuccess => format!(
-            "{ARM}\n\n{AT_THE_END} 1.00 from: the first evaluation from which on all are 1.00."
-        ),
-        Shows::DistanceLeft => {
-            "Ours: left at the end. Least: of all evaluations, a walk each; 0 if \
-                                one reaches the goal."
-                .to_owned()
-        }
+        Shows::DistanceLeft => "Ours: left at the end.".to_owned(),
+        Shows::SuccessByDistance => "Ours: at the largest distance.".to_owned(),
         Shows::Datasets => {
             let episodes = counted(methods[0].plan().last_tasks.into(), "episode");
             format!("Success in per cent, {episodes} of each of the five tasks, {DATASETS}")
         }
+        _ if figure.world == "fetch-reach" => format!("{ARM}\n\n{AT_THE_END}"),
         _ => format!("{AT_THE_END}{RANDOM}"),
     };
     let published = if is_ogbench { &PUBLISHED_METHODS[..] } else { &["paper"] };
@@ -175,16 +159,14 @@ fn training_table(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> 
     format!("{about}\n\n{}", markdown_table(&alignment, &rows))
 }
 
-fn measured(method: &MethodRuns) -> impl Iterator<Item = &Measured> {
-    method.results.iter().filter_map(|result| result.measured.as_ref())
-}
-
 fn steps(method: &MethodRuns, _: &Line) -> String {
-    measured(method).map(|measured| measured.env_steps).max().unwrap_or(0).to_string()
+    let last = method.results.iter().filter_map(|result| result.evaluations.last());
+    last.map(|at| at.env_steps).max().unwrap_or(0).to_string()
 }
 
 fn random(method: &MethodRuns, of: fn(&RandomTasks) -> f64) -> String {
-    let values = measured(method).filter_map(|measured| measured.random.as_ref().map(of));
+    let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
+    let values = measured.filter_map(|measured| measured.random.as_ref().map(of));
     numbers(&values.collect::<Vec<f64>>(), 3)
 }
 
@@ -192,50 +174,4 @@ fn reached_at_the_end(_: &MethodRuns, line: &Line) -> String {
     let left = last(line);
     let reached = left.iter().filter(|left| **left == 0.0).count();
     format!("{reached} of {}", counted(left.len() as u64, "seed"))
-}
-
-/// Returns from where on success stays at 1, for the earliest and the latest seed.
-fn complete_from(_: &MethodRuns, line: &Line) -> String {
-    let from = stays_at(line, 1.0);
-    let mut places: Vec<f64> = from.iter().flatten().copied().collect();
-    places.sort_by(f64::total_cmp);
-    let range = match places[..] {
-        [] => return "-".to_owned(),
-        [first, .., last] if first < last => format!("{first} to {last}"),
-        [first, ..] => first.to_string(),
-    };
-    match (places.len(), from.len()) {
-        (some, all) if some < all => format!("{range} ({some} of {all} seeds)"),
-        _ => range,
-    }
-}
-
-fn distance_table(methods: &[MethodRuns], panel: &Panel) -> String {
-    let points = panel.lines.iter().flat_map(|line| line.seeds.values().flatten());
-    let mut distances: Vec<f64> = points.map(|point| point.0).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.dedup();
-    let heads = distances.iter().map(|steps| format!("{steps} steps"));
-    let mut rows = vec![["method".to_owned()].into_iter().chain(heads).collect()];
-    for line in &panel.lines {
-        let at = |x: &f64| {
-            let points = line.seeds.values().flatten().filter(|point| point.0 == *x);
-            numbers(&points.map(|point| point.1).collect::<Vec<f64>>(), 2)
-        };
-        rows.push([line.name.clone()].into_iter().chain(distances.iter().map(at)).collect());
-    }
-    let tasks = counted(methods[0].plan().last_tasks.into(), "task");
-    let table = markdown_table(&format!("l{}", "r".repeat(distances.len())), &rows);
-    format!("Ours, {tasks} at each distance:\n\n{table}")
-}
-
-fn maps_table(drawn: &Drawn) -> String {
-    let rows = drawn.maps.iter().flatten();
-    let rows = rows.map(|panel| vec![panel.title.clone(), panel.caption.clone()]);
-    let head = vec!["map".to_owned(), String::new()];
-    let rows: Vec<Vec<String>> = std::iter::once(head).chain(rows).collect();
-    let table = markdown_table("ll", &rows);
-    format!(
-        "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n{table}"
-    )
 }

@@ -6,7 +6,7 @@ use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::layout::Position;
 
 use super::{Comparison, LETTERS, prepare};
-use crate::tui::action::{Action, Both, Mode, binding_of};
+use crate::tui::action::{Action, Both, binding_of};
 use crate::tui::dialog::{Choice, Dialog, Help};
 use crate::tui::lists;
 use crate::tui::session::{Session, time, view};
@@ -20,10 +20,10 @@ impl Comparison {
             Both::Each => self.both(action),
             Both::First => self.sessions[0].act(action),
             Both::Own(act) => act(self, action),
-            Both::Refused(why) => {
+            Both::Refused => {
                 let what = self.sessions[0].scene.wording(binding);
                 let what = what.split(" (").next().unwrap_or(what);
-                self.notify(&format!("not in a comparison: {what}; {why}"));
+                self.notify(&format!("not in a comparison: {what}"));
             }
         }
     }
@@ -107,8 +107,7 @@ impl Comparison {
     pub fn open_palette(&mut self, _: Action) {
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let modes = &Mode::OF_COMPARISONS;
-        let list = lists::actions_of_comparisons(&cx.screen, &cx.scene, modes, fields);
+        let list = lists::actions_of_comparisons(&cx.screen, &cx.scene, fields);
         self.sessions[0].open(list);
     }
 
@@ -193,7 +192,6 @@ impl Comparison {
     }
 }
 
-/// The mouse.
 impl Comparison {
     pub fn on_mouse(&mut self, kind: MouseEventKind, at: Position) {
         // A drag belongs to the side on which it began.
@@ -207,10 +205,10 @@ impl Comparison {
             let map = &self.maze(own).map;
             let cell = self.sessions[own].screen.layout.map.as_ref();
             let cell = cell.and_then(|frame| frame.cell_at(at, map));
-            return match cell.and_then(|cell| map.nearest_free(cell)) {
-                Some(start) => self.start_race(start, self.race.goal),
-                None => self.notify("a click outside of the map changes nothing"),
-            };
+            if let Some(start) = cell.and_then(|cell| map.nearest_free(cell)) {
+                self.start_race(start, self.race.goal);
+            }
+            return;
         }
         if editing {
             self.hold_editor(own);

@@ -16,25 +16,20 @@ use gdg::map::{Grid, Reading};
 use gdg::text::sanitized;
 use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
-/// The map of two methods, unless another one is given.
 const DEFAULT_MAP: &str = "fourrooms";
 
-/// What takes part in a comparison.
 #[derive(Clone, Debug)]
 pub enum Contender {
-    /// A method, which begins a run.
     Method(Method),
     Checkpoint(PathBuf),
 }
 
-/// What to compare.
 #[derive(Clone, Debug)]
 pub struct ComparisonOptions {
     /// Methods or checkpoints, from left to right.
     pub contenders: [Contender; 2],
     /// Built-in map or map file; otherwise the checkpoint's, or the default one.
     pub map: Option<PathBuf>,
-    /// How the map is read.
     pub reading: Reading,
     /// Random seed of methods; otherwise the checkpoint's, or 0.
     pub seed: Option<u64>,
@@ -44,7 +39,6 @@ pub struct ComparisonOptions {
     pub threads: Threads,
 }
 
-/// A run that takes part in a comparison.
 pub struct Contestant {
     pub trainer: Trainer,
     /// Letter, method, preset, and settings of this side alone; of a saved run, file and seed.
@@ -52,7 +46,6 @@ pub struct Contestant {
     pub is_paused: bool,
 }
 
-/// Both runs.
 pub struct Contestants {
     pub both: [Contestant; 2],
     /// Warnings about checkpoints, and about the map.
@@ -61,10 +54,6 @@ pub struct Contestants {
 
 /// Prepares both runs: same map, same seed, each as the trainer would prepare it; or loads them.
 /// Says how far it is to `progress`.
-///
-/// # Errors
-/// The map or a setting is invalid, a checkpoint cannot be loaded, two are of different maps, or a
-/// run needs more memory than is left.
 pub fn prepare(
     options: &ComparisonOptions,
     registry: &Arc<Registry>,
@@ -92,10 +81,10 @@ pub fn prepare(
                     format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
                 Ok(Contestant { trainer, title, is_paused: true })
             }
-            (contender, _) => {
-                let method = contender.method().unwrap_or_default();
-                begin(&method, letter, beside.as_ref(), options, registry)
+            (Contender::Method(method), _) => {
+                begin(method, letter, beside.as_ref(), options, registry)
             }
+            (Contender::Checkpoint(path), None) => Err(without_map(path)),
         }
     };
     let [a, b] = saved;
@@ -105,7 +94,6 @@ pub fn prepare(
     Ok(Contestants { both, warnings })
 }
 
-/// Checks what can be checked before anything is loaded.
 fn check(options: &ComparisonOptions) -> Result<(), Report> {
     let sides = LETTERS.map(|letter| letter.to_string());
     let is_saved = |contender: &Contender| matches!(contender, Contender::Checkpoint(_));
@@ -158,10 +146,6 @@ impl Contender {
     fn checkpoint(&self) -> Option<&Path> {
         if let Self::Checkpoint(path) = self { Some(path) } else { None }
     }
-
-    fn method(&self) -> Option<Method> {
-        if let Self::Method(method) = self { Some(method.clone()) } else { None }
-    }
 }
 
 /// Loads a saved run with its map, unless its world has none, which may take long to open.
@@ -212,7 +196,6 @@ fn begin(
     Ok(Contestant { trainer, title, is_paused: false })
 }
 
-/// What the help of a comparison begins with.
 const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \
      Colours show the distance D that each has learned; @ walks to G with what it has learned so \
      far, in both from the same start. Click on either map to set the goal of both. The editor \

@@ -178,12 +178,14 @@ impl NetworkLearner {
         &self.training
     }
 
-    fn sample(&mut self, data: &mut TrainingData) -> candle_core::Result<()> {
+    fn sample(
+        &mut self,
+        TrainingData { replay, known, relearning, rng, .. }: TrainingData,
+    ) -> candle_core::Result<()> {
         let Self { variant, sampler, scratch, training } = self;
         let batch = &mut *training.batch().write();
-        let relearning = data.relearning.filter(|_| sampler.returns.is_none());
-        sampler.sample(data.replay, relearning, data.rng, batch);
-        let known = data.known.as_ref();
+        let relearning = relearning.filter(|_| sampler.returns.is_none());
+        sampler.sample(replay, relearning, rng, batch);
         let Some(known) = known.filter(|_| variant.critics == Critics::Distance) else {
             return Ok(());
         };
@@ -191,10 +193,10 @@ impl NetworkLearner {
             // The second critic would double the cost and change little.
             nets.critics.truncate(1);
             let (_, count) = sampler.known_rows(batch);
-            let short = short_pairs(&sampler.spec, &nets, known, count, data.rng, scratch);
+            let short = short_pairs(&sampler.spec, &nets, &known, count, rng, scratch);
             imagine_walks(&nets, sampler, batch, scratch);
-            let first = sampler.add_known(known, &short, data.rng, batch);
-            follow_graph(sampler, &nets, known, batch, first, scratch);
+            let first = sampler.add_known(&known, &short, rng, batch);
+            follow_graph(sampler, &nets, &known, batch, first, scratch);
         })
     }
 }
@@ -204,16 +206,12 @@ impl Learner for NetworkLearner {
         self.variant.name
     }
 
-    fn update(
-        &mut self,
-        mut data: TrainingData,
-        profile: &mut Profile,
-    ) -> Result<Losses, LearnError> {
+    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError> {
         if self.variant.acting == Acting::AtRandom {
             return Ok(Losses::default());
         }
         let (began, job) = (Instant::now(), data.job);
-        self.sample(&mut data)?;
+        self.sample(data)?;
         profile.lap(Stage::Sample, began);
         Ok(self.training.update(Some(job), profile)?)
     }

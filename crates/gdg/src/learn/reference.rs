@@ -320,13 +320,14 @@ impl<'a> Reference<'a> {
                 -self.value(&self.critics[0], &state, &action, &goal)
             } else {
                 let next = self.prediction(&self.model, &state, &action);
-                if let Some(critic) = self.critics.first() {
-                    f64::from(batch.actor_weights[i]) * self.distance(critic, &next, &towards)
-                } else {
+                let left = || {
                     let off = spec.achieved.iter().zip(&towards).map(|(i, g)| next[*i] - g);
-                    off.map(|off| off * off).sum::<f64>().sqrt()
-                        / f64::from(self.shapes.step_length)
-                }
+                    let length = off.map(|off| off * off).sum::<f64>().sqrt();
+                    length / f64::from(self.shapes.step_length)
+                };
+                let weight = f64::from(batch.actor_weights[i]);
+                let distance = |critic| weight * self.distance(critic, &next, &towards);
+                self.critics.first().map_or_else(left, distance)
             };
             sums[0] += cost;
             sums[1] += match way {

@@ -26,17 +26,30 @@ pub struct Weights<'a> {
     pub table: Option<TableView<'a>>,
 }
 
+/// A variable and its training state, locked for reading.
+type Guards<'a, T> = (RwLockReadGuard<'a, Storage>, RwLockReadGuard<'a, T>);
+
 /// A network's weights, locked for reading.
 pub struct LockedNetwork<'a> {
-    dense: DenseGuard<'a>,
-    table: Option<TableGuard<'a>>,
+    dense: Guards<'a, DenseState>,
+    table: Option<(&'a Table, Guards<'a, TableState>)>,
 }
 
 impl LockedNetwork<'_> {
     /// Returns the current weights, or their running average if `averaged` and there is one.
     pub fn weights(&self, averaged: bool) -> Result<Weights<'_>> {
-        let (dense, packed) = self.dense.numbers(averaged)?;
-        let table = self.table.as_ref().map(|t| t.view(averaged)).transpose()?;
+        let (numbers, state) = &self.dense;
+        let (dense, packed) = match state.average.as_ref().filter(|_| averaged) {
+            Some((average, packed)) => (&average[..], packed),
+            None => (slice(numbers)?, &state.packed),
+        };
+        let Some((Table { decay, .. }, (lines, state))) = &self.table else {
+            return Ok(Weights { dense, packed, table: None });
+        };
+        let TableState { stored, steps, .. } = &**state;
+        let lazy = LazyAverageView { stored, now: *steps as u32, decay };
+        let average = (averaged && !decay.is_empty()).then_some(lazy);
+        let table = Some(TableView { lines: slice(lines)?, stride: LINE, average });
         Ok(Weights { dense, packed, table })
     }
 }
@@ -80,13 +93,28 @@ impl Network {
     }
 
     pub fn lock(&self) -> LockedNetwork<'_> {
-        LockedNetwork { dense: self.dense.lock(), table: self.table.as_ref().map(Table::lock) }
+        let Self { dense, table } = self;
+        LockedNetwork {
+            dense: (dense.var.storage_and_layout().0, dense.training.read()),
+            table: table
+                .as_ref()
+                .map(|table| (table, (table.lines.storage_and_layout().0, table.training.read()))),
+        }
     }
 
     /// Copies the weights (parameters, table), or their averages, evaluating lazy ones.
     pub fn copy(&self, averaged: bool) -> Result<(Vec<f32>, Option<Vec<f32>>)> {
-        let dense = self.dense.lock().numbers(averaged)?.0.to_vec();
-        Ok((dense, self.table.as_ref().map(|t| t.copy(averaged)).transpose()?))
+        let locked = self.lock();
+        let Weights { dense, table, .. } = locked.weights(averaged)?;
+        let values = |TableView { lines, average, .. }: TableView| {
+            let values = lines.chunks_exact(LINE).enumerate().flat_map(|(corner, line)| {
+                let remaining = average.map_or(0.0, |lazy| lazy.remaining(corner));
+                let (value, rest) = line.split_at(CHANNELS);
+                value.iter().zip(rest).map(move |(w, stored)| w + (stored - w) * remaining)
+            });
+            values.collect()
+        };
+        Ok((dense.to_vec(), table.map(values)))
     }
 
     /// Copies the weights, or their averages, and packs them for inference.
@@ -160,22 +188,6 @@ struct DenseState {
     average: Option<(Vec<f32>, Packed)>,
 }
 
-struct DenseGuard<'a> {
-    numbers: RwLockReadGuard<'a, Storage>,
-    training: RwLockReadGuard<'a, DenseState>,
-}
-
-impl DenseGuard<'_> {
-    /// Returns the parameters, or their running average if `averaged` and there is one, flat and
-    /// packed (averages for the forward pass only).
-    fn numbers(&self, averaged: bool) -> Result<(&[f32], &Packed)> {
-        match self.training.average.as_ref().filter(|_| averaged) {
-            Some((average, packed)) => Ok((average, packed)),
-            None => Ok((slice(&self.numbers)?, &self.training.packed)),
-        }
-    }
-}
-
 impl Dense {
     /// Creates the variable from initial `parameters`, with a running average if `averaged`.
     fn new(mlp: Mlp, parameters: &[f32], averaged: bool) -> Result<Self> {
@@ -196,10 +208,6 @@ impl Dense {
 
     pub fn steps(&self) -> u64 {
         self.training.read().steps
-    }
-
-    fn lock(&self) -> DenseGuard<'_> {
-        DenseGuard { numbers: self.var.storage_and_layout().0, training: self.training.read() }
     }
 
     /// Takes one Adam step on the sum of the gradients `parts` (summed in order into the first),
@@ -223,10 +231,9 @@ impl Dense {
 
     /// Returns the full training state, for a checkpoint.
     fn state(&self) -> Result<NetworkState> {
-        let guard = self.lock();
-        let (parameters, DenseState { m, v, average, .. }) =
-            (guard.numbers(false)?.0, &*guard.training);
-        let parts = [("dense", parameters), ("dense_m", m), ("dense_v", v)];
+        let (storage, state) = (self.var.storage_and_layout().0, self.training.read());
+        let DenseState { m, v, average, .. } = &*state;
+        let parts = [("dense", slice(&storage)?), ("dense_m", m), ("dense_v", v)];
         let average = average.as_ref().map(|(average, _)| ("dense_average", &average[..]));
         Ok(parts.into_iter().chain(average).map(|(name, part)| (name, part.to_vec())).collect())
     }
@@ -335,23 +342,6 @@ struct TableState {
     sums: Vec<[f32; CHANNELS]>,
 }
 
-struct TableGuard<'a> {
-    decay: &'a [f32],
-    lines: RwLockReadGuard<'a, Storage>,
-    training: RwLockReadGuard<'a, TableState>,
-}
-
-impl TableGuard<'_> {
-    /// Returns what encodings read: the values, or their running average if `averaged` and there is
-    /// one.
-    fn view(&self, averaged: bool) -> Result<TableView<'_>> {
-        let TableState { stored, steps, .. } = &*self.training;
-        let lazy = LazyAverageView { stored, now: *steps as u32, decay: self.decay };
-        let average = (averaged && !self.decay.is_empty()).then_some(lazy);
-        Ok(TableView { lines: slice(&self.lines)?, stride: LINE, average })
-    }
-}
-
 impl Table {
     /// Creates a table with initial `values` `(corners, channels)`, and a running average if `tau`
     /// is given.
@@ -369,26 +359,6 @@ impl Table {
             decay: tau.map_or(Vec::new(), decay_table),
             training: RwLock::new(training),
         })
-    }
-
-    fn lock(&self) -> TableGuard<'_> {
-        TableGuard {
-            decay: &self.decay,
-            lines: self.lines.storage_and_layout().0,
-            training: self.training.read(),
-        }
-    }
-
-    /// Copies the values `(corners, channels)`, or their averages, evaluating lazy ones.
-    fn copy(&self, averaged: bool) -> Result<Vec<f32>> {
-        let guard = self.lock();
-        let view = guard.view(averaged)?;
-        let values = view.lines.chunks_exact(LINE).enumerate().flat_map(|(corner, line)| {
-            let remaining = view.average.map_or(0.0, |lazy| lazy.remaining(corner));
-            let (value, rest) = line.split_at(CHANNELS);
-            value.iter().zip(rest).map(move |(value, stored)| value + (stored - value) * remaining)
-        });
-        Ok(values.collect())
     }
 
     /// Takes one Adam step on the `touched` corners (the others' moments stay unchanged), with the
@@ -423,8 +393,8 @@ impl Table {
     /// Returns the full training state: the rows, and the updates as of which averages are stored
     /// (as the bits of floats). A table without an average needs neither averages nor these.
     fn state(&self) -> Result<NetworkState> {
-        let guard = self.lock();
-        let lines = slice(&guard.lines)?;
+        let storage = self.lines.storage_and_layout().0;
+        let lines = slice(&storage)?;
         let mut state = NetworkState::new();
         for (row, name) in ROW_NAMES.into_iter().enumerate() {
             if self.has_row(name) {
@@ -433,7 +403,8 @@ impl Table {
             }
         }
         if !self.decay.is_empty() {
-            let last = guard.training.stored.iter().map(|last| f32::from_bits(*last)).collect();
+            let last =
+                self.training.read().stored.iter().map(|last| f32::from_bits(*last)).collect();
             state.push((LAST, last));
         }
         Ok(state)

@@ -210,6 +210,8 @@ impl Chooser {
 mod tests {
     use super::*;
 
+    type IsBusy = fn(Duration) -> bool;
+
     /// How long a busy core suspends a helper, and how long it lets one run.
     const SUSPENDED: Duration = Duration::from_millis(6);
 
@@ -217,7 +219,7 @@ mod tests {
     /// `is_busy` at times: then updates wait for suspended helpers. An update takes `alone` on one
     /// thread and, on idle cores, is nearly as many times faster as there are threads; all vary by a
     /// tenth. Exploring takes a fifth of the time of an update.
-    fn rate(is_busy: fn(Duration) -> bool, alone: Duration, mut chooser: Chooser) -> f64 {
+    fn rate(is_busy: IsBusy, alone: Duration, mut chooser: Chooser) -> f64 {
         let (mut now, mut updates) = (Duration::ZERO, 0_u32);
         while now < Duration::from_secs(20) {
             let drawn = |salt: u32| {
@@ -240,8 +242,7 @@ mod tests {
 
     #[test]
     fn it_is_nearly_as_fast_as_the_best_number_whatever_the_other_cores_do() {
-        type Load = (fn(Duration) -> bool, &'static [u64]);
-        let loads: [Load; 3] = [
+        let loads: [(IsBusy, &[u64]); 3] = [
             (|_| false, &[400, 1_000, 15_000]),
             (|_| true, &[400, 1_000, 15_000]),
             (|now| now.as_secs() % 2 == 1, &[400, 1_000]),
