@@ -26,7 +26,7 @@ const LIBRARY: [Room; 15] = [
     ("env", 6_000),
     ("learn", 8_250),
     ("bridge", 3_300),
-    ("train", 6_750),
+    ("train", 6_700),
     ("engine", 1_250),
     ("draw", 800),
     ("viewer", 1_650),
