@@ -14,7 +14,9 @@ use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme, blend, rgb_of_indexed};
-use crate::figure::{Anchor, Chart, Curve, Format, MILLIMETRE, Page, Point, Sheet, colour, round_top};
+use crate::figure::{
+    Anchor, Chart, Curve, Format, MILLIMETRE, Page, Point, Sheet, colour, round_top,
+};
 use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
 use gdg::train::Evaluation;
