@@ -18,7 +18,7 @@ mod text;
 pub use components::Components;
 pub use flood::{StepSearch, UNREACHABLE};
 pub use formats::{FORMATS, MapFormat, fingerprint, print_ascii, print_movingai};
-pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
+pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, MapScale, is_size, size_limits};
 pub use load::{
     BUILTIN, Reading, agents_of, builtin, format_for, load_map, load_map_as, load_map_like,
     load_scenario, parse_map, read_scenario,
@@ -26,6 +26,5 @@ pub use load::{
 pub use ogbench::Ogbench;
 pub use points::{Diameter, PointSearch};
 pub use random::{RANDOM_SIZES, RandomMapKind, random, with_start};
-pub use scale::MapScale;
 pub use scenario::{Scenario, ScenarioTask};
 pub use text::{MapError, MapResult};

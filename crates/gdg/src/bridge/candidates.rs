@@ -167,7 +167,7 @@ impl Candidates {
         &self.goal_index
     }
 
-    /// Returns the fewest steps of any trajectory from near `from` to near `to`, or [`UNOBSERVED`]
+    /// Returns the fewest steps of any trajectory from near `from` to near `to`, or `UNOBSERVED`
     /// if there is none.
     pub fn observed(&self, from: usize, to: usize) -> u16 {
         if from == to {

@@ -3,9 +3,8 @@
 use std::path::Path;
 
 use super::formats::{FORMATS, MapFormat, Source, THRESHOLD, has_agents};
-use super::grid::Grid;
+use super::grid::{Grid, MapScale};
 use super::ogbench::Ogbench;
-use super::scale::MapScale;
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
 use super::text::{MapError, MapResult, Text, read_file};
 use crate::files::{Format, Mismatch, Wanted};
