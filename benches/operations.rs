@@ -91,11 +91,10 @@ fn pack_transposed(bencher: Bencher, width: usize) {
 #[divan::bench(args = [false, true])]
 fn arm_step(bencher: Bencher, presses: bool) {
     let (mut world, mut rng) = (FetchReach::new(1), rng());
-    world.restart(0);
     bencher.bench_local(|| {
         let mut pull = || std::array::from_fn(|_| rng.random_range(-1.0..=1.0));
         let action: [f32; 4] = if presses { [0.0, 0.0, -1.0, 0.0] } else { pull() };
-        world.step(black_box(&action), &mut rng);
+        drop(world.step(black_box(&action), &mut rng));
     });
 }
 
@@ -105,7 +104,7 @@ fn agents(bencher: Bencher, what: &str) {
     let free = vec![true; OPEN_SIDE * OPEN_SIDE];
     let map = Arc::new(Grid::new("open", OPEN_SIDE, free, Vec::new(), Vec::new()));
     let (mut world, mut rng) = (PointMaze::new(map.clone(), AGENTS), rng());
-    (0..AGENTS).for_each(|i| world.restart(i, &mut rng));
+    (0..AGENTS).for_each(|i| drop(world.restart(i, &mut rng)));
     let learner = NetworkLearner::new(GDG, world.spec(), &LearnSettings::default(), 1, &mut rng);
     let Ok(policy) = learner.map_err(Into::into).and_then(|learner| learner.policy(true)) else {
         return;
@@ -116,7 +115,7 @@ fn agents(bencher: Bencher, what: &str) {
     let goals = [40.5, 200.5].repeat(cells.len() / 2);
     let mut field = vec![0.0; cells.len() / 2];
     bencher.bench_local(|| match what {
-        "step" => world.step(black_box(&actions), &mut rng),
+        "step" => drop(world.step(black_box(&actions), &mut rng)),
         "actions" => policy.actions(&states, &goals[..states.len()], &mut actions, &mut scratch),
         _ => policy.distances(black_box(&cells), &goals, &mut field, &mut scratch),
     });

@@ -12,7 +12,6 @@ pub mod measure;
 pub mod plan;
 pub mod plot;
 pub mod report;
-pub mod runner;
 pub mod runs;
 pub mod spec;
 pub mod suite;

@@ -2,14 +2,13 @@
 //! an inch; no font of the system is needed.
 
 mod chart;
-mod encode;
 mod sheet;
 
 use std::path::Path;
 
 use miette::Report;
 
-pub use chart::{Chart, Curve, Page, Point, Range, colour, tick};
+pub use chart::{Chart, Curve, Page, Point, colour, round_top};
 pub use sheet::{Anchor, Mark, Sheet, fitted};
 
 /// A millimetre in points.
@@ -19,7 +18,6 @@ pub const MILLIMETRE: f32 = 72.0 / 25.4;
 pub enum Format {
     /// Drawing for browsers and editors, with text as text.
     Svg,
-    /// Pixels, 300 an inch.
     Png,
     /// Drawing for papers, with letters as outlines: it needs no fonts.
     Pdf,
@@ -40,34 +38,11 @@ impl Format {
         Self::ALL.into_iter().find(|format| gdg::files::has_extension(path, format.extension()))
     }
 
-    /// Returns whether these bytes are a file in this format that [`Self::encode`] has made.
-    pub fn wrote(self, bytes: &[u8]) -> bool {
-        let has = |start: &[u8], mark: &[u8], within: usize| {
-            let head = &bytes[..bytes.len().min(within)];
-            bytes.starts_with(start) && head.windows(mark.len()).any(|part| part == mark)
-        };
-        match self {
-            // Near the beginning: pictures of other programs may contain ours.
-            Self::Svg => has(b"<svg", b"<!-- gdg-tui -->", 4096),
-            Self::Png => has(b"\x89PNG", b"tEXtSoftware\0gdg-tui plot", 256),
-            Self::Pdf => has(b"%PDF", b"/Producer (gdg-tui)", usize::MAX),
-        }
-    }
-
-    /// Says which characters of `sheet` this format cannot show.
-    pub fn lacking(self, sheet: &Sheet) -> Option<String> {
-        let lacking = sheet::lacking(sheet);
-        (self != Self::Svg && !lacking.is_empty()).then(|| {
-            let name = self.extension().to_uppercase();
-            format!("{name} has no letters for {lacking} and shows boxes; SVG shows them")
-        })
-    }
-
     pub fn encode(self, sheet: &Sheet) -> Result<Vec<u8>, Report> {
         match self {
-            Self::Svg => encode::svg(sheet).map(String::into_bytes),
-            Self::Png => encode::png(sheet),
-            Self::Pdf => Ok(encode::pdf(sheet)),
+            Self::Svg => sheet::svg(sheet).map(String::into_bytes),
+            Self::Png => sheet::png(sheet),
+            Self::Pdf => Ok(sheet::pdf(sheet)),
         }
     }
 }
@@ -84,24 +59,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_known_as_ours_by_a_mark() {
-        for format in Format::ALL {
-            let file = format.encode(&sheet("hall")).expect("a file");
-            assert!(format.wrote(&file), "{format:?}");
-            let foreign = [&b"<?xml?>"[..], &file].concat();
-            assert!(!format.wrote(&foreign) && !format.wrote(b""), "{format:?}");
-        }
-    }
-
-    #[test]
-    fn letters_that_a_format_lacks_are_named_and_none_act_in_svg() {
-        let both = sheet("\u{8ff7}\u{5bae} hall");
-        assert_eq!(Format::Svg.lacking(&both), None);
-        for format in [Format::Png, Format::Pdf] {
-            let note = format.lacking(&both).expect("a note");
-            assert!(note.contains("for \u{5bae}\u{8ff7} "), "{note}");
-            assert_eq!(format.lacking(&sheet("größe, α²")), None);
-        }
+    fn no_letters_act_in_svg() {
         let file = Format::Svg.encode(&sheet("a\u{1}\u{9b}\u{202e}<b")).expect("a file");
         let text = String::from_utf8(file).expect("text");
         assert!(text.contains("a?¿\u{fffd}&lt;b"), "{text}");

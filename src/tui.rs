@@ -12,7 +12,7 @@
 //!   them; `raster`, `projection`: where they are and what they show.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
 //!   of actions alone names what comes later: the functions that carry them out.
-//! * `clock`, `dialog`, `layout`, `log`: what a screen consists of besides the scene.
+//! * `dialog`, `layout`, `log`: what a screen consists of besides the scene.
 //! * `screen`: all of that; `link`: the ways to trainer and viewer.
 //! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
 //!   world, with its state.
@@ -28,7 +28,6 @@ mod action;
 mod app;
 mod canvas;
 mod characters;
-mod clock;
 mod compare;
 mod config;
 mod contours;
@@ -65,11 +64,9 @@ mod tool;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::thread::JoinHandle;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::host::report::ExplainedError;
 use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
 use app::App;
@@ -80,14 +77,14 @@ pub use config::{
 };
 use gdg::engine::Engine;
 use gdg::learn::Threads;
-use gdg::map::{self, Reading};
-use gdg::train::{Limits, Registry, Trainer};
+use gdg::map::Reading;
+use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
 pub use marker::Marker;
 pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use runs::{Opened, Opener, RunsScreen};
-use session::{Session, files};
+use session::Session;
 use terminal::Stage;
 
 /// How the interface is shown.
@@ -108,7 +105,6 @@ pub struct PreparedInterface {
     config: UiConfig,
     keymap: Keymap,
     termination: TerminationSignal,
-    /// What is said first.
     pub notice: Option<&'static str>,
     stage: Stage,
 }
@@ -127,13 +123,9 @@ const MIN_OPEN_FILES: usize = 24;
 
 /// Reads the configuration and listens to signals. Called before anything else of the interface,
 /// since both can fail.
-///
-/// # Errors
-/// The configuration is invalid, too few files can be open at once, or a thread cannot be started.
 pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> {
     check_open_files()?;
-    let (mut config, keymap) = config::load(options.ui_config.as_deref())
-        .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
+    let (mut config, keymap) = config::load(options.ui_config.as_deref())?;
     config.marker = options.marker.unwrap_or(config.marker);
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let stage = Stage::new(config.marker, termination.clone());
@@ -153,53 +145,40 @@ fn check_open_files() -> Result<(), Report> {
     })
 }
 
-/// Runs the trainer on the map that the user has named, if any; returns the exit status, and what is
-/// said about files.
-///
-/// # Errors
-/// Errors of the terminal, of training or of saving.
-pub fn run(
-    setup: Setup,
-    interface: &mut PreparedInterface,
-    named_map: Option<&Path>,
-) -> Result<(u8, String), Report> {
-    let PreparedInterface { config, keymap, notice, stage, .. } = interface;
+/// Runs the trainer; returns the exit status, and what is said about files.
+pub fn run(setup: Setup, interface: &mut PreparedInterface) -> Result<(u8, String), Report> {
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
-    let search =
-        resumed.is_none().then(|| files::search(trainer.world().title().to_owned())).flatten();
+    let is_new = resumed.is_none();
     // What is to be saved elsewhere is not saved yet.
-    let engine = Engine::resume(trainer, limits, resumed.filter(|_| save.is_none()), [])
-        .into_diagnostic()?;
-    let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), save);
-    session.search = search;
-    session.screen.first_run = is_first_run();
-    let file =
-        named_map.filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
-    let file = file.filter(|file| file.is_file()).map(Path::to_owned);
-    // Writing to the disk must not delay the first frame.
-    let remember = |file: PathBuf| {
-        let thread = std::thread::Builder::new().name("recent maps".to_owned());
-        thread.spawn(move || files::remember_map(&file)).ok()
-    };
-    let remembering = file.and_then(remember);
-    notice.inspect(|notice| session.screen.notify(notice));
-    warnings.iter().for_each(|warning| session.screen.notify(warning));
-    let shown = stage.show(App::new(session), |app| app.close(vec![engine]));
-    remembering.map(JoinHandle::join);
-    shown
+    let resumed = resumed.filter(|_| save.is_none());
+    interface.show(trainer, limits, resumed, save, |session| {
+        session.screen.explains = is_new;
+        warnings.iter().for_each(|warning| session.screen.notify(warning));
+    })
 }
 
-/// Returns whether the interface has not been used yet.
-fn is_first_run() -> bool {
-    config::used_path().is_some_and(|path| !path.exists())
+impl PreparedInterface {
+    /// Shows a run, after `begin`.
+    fn show(
+        &mut self,
+        trainer: Trainer,
+        limits: Limits,
+        resumed: Option<PathBuf>,
+        save: Option<SaveTo>,
+        begin: impl FnOnce(&mut Session),
+    ) -> Result<(u8, String), Report> {
+        let engine = Engine::resume(trainer, limits, resumed, []).into_diagnostic()?;
+        let viewer = Viewer::start(&engine).into_diagnostic()?;
+        let keymap = self.keymap.clone();
+        let mut session = Session::new(engine.link(), viewer, &self.config, keymap, save);
+        self.notice.inspect(|notice| session.screen.notify(notice));
+        begin(&mut session);
+        self.stage.show(App::new(session), |app| app.close(vec![engine]))
+    }
 }
 
 /// Prepares the run of the guided tour.
-///
-/// # Errors
-/// The run needs more memory than is left.
 pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = session::tour_run();
     let maze = setup::open_maze(Path::new(session::TOUR_MAP), &Reading::default(), &run, registry)?;
@@ -207,26 +186,14 @@ pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Traine
 }
 
 /// Runs the trainer with the guided tour and returns the exit status.
-///
-/// # Errors
-/// Errors of the terminal, of training or of saving.
 pub fn take_tour(
     trainer: Trainer,
     interface: &mut PreparedInterface,
 ) -> Result<(u8, String), Report> {
-    let PreparedInterface { config, keymap, stage, .. } = interface;
-    let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
-    let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
-    session.screen.first_run = is_first_run();
-    session.begin_tour();
-    stage.show(App::new(session), |app| app.close(vec![engine]))
+    interface.show(trainer, Limits::default(), None, None, Session::begin_tour)
 }
 
 /// Shows a comparison; returns the exit status, and what is said about files.
-///
-/// # Errors
-/// Errors of the terminal or of training.
 pub fn compare(
     Contestants { both, warnings }: Contestants,
     interface: &mut PreparedInterface,

@@ -428,7 +428,9 @@ fn fuzzing_seeds_are_read_or_refused() {
         let text = String::from_utf8_lossy(&bytes);
         match path.parent().unwrap().file_name().unwrap().to_str().unwrap() {
             "map" => drop(map::parse_map("kept", &bytes)),
-            "scenario" => drop(map::parse_scenario_bytes("kept", &bytes, &trap)),
+            "scenario" => {
+                drop(map::Scenario::parse("kept", &bytes).and_then(|found| found.tasks(&trap)));
+            }
             "config" => {
                 drop(train::settings_from_text(train::Preset::Default, "kept", &text));
                 drop(gdg_tui::tui::parse_config("kept", &text));

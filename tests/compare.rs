@@ -11,10 +11,10 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     session.wait_for("B her tuned agents=8");
     session.wait_for("Space pause");
     session.press("?");
-    session.wait_for("Only maps");
+    session.wait_for("maps are saved");
     // An escape immediately followed by other bytes would be a different key.
     session.press("\x1b");
-    session.wait_until_gone("Only maps");
+    session.wait_until_gone("maps are saved");
     session.press(" ");
     session.wait_for("paused");
     session.press("g");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gdg::map::{FORMATS, MapFormat, load_map};
+use gdg::map::{Cell, FORMATS, load_map};
 use serde_json::Value;
 
 use super::ran::{SMALL, program_in, ran};
@@ -55,18 +55,14 @@ fn a_maze_is_converted_to_every_format_and_checked() {
         let (written, warnings) =
             run(path, &["maps", "convert", "u.json", &name, "--format", format.name]);
         assert!(written.contains(&name), "{written}");
-        let is_lossy = format.name == "csv";
-        assert_eq!(warnings.contains("has no starts, goals"), is_lossy, "{name}: {warnings}");
-        // Back, with the scenario that was written beside it.
-        let scenario = ["--scen", "movingai.scen"];
-        let has_scenario = format.name == "movingai";
-        assert_eq!(written.contains(scenario[1]) && warnings.contains(scenario[1]), has_scenario);
-        let scenario = if has_scenario { &scenario[..] } else { &[] };
-        let back = [&["maps", "convert", &name, "back.txt", "--overwrite"], scenario].concat();
-        assert_eq!(run(path, &back).1, "", "{name}");
+        assert_eq!(warnings.contains("the file has no"), !format.loses.is_empty(), "{warnings}");
+        run(path, &["maps", "convert", &name, "back.txt", "--overwrite"]);
         let read = load_map(&path.join("back.txt")).unwrap();
-        let kept = if is_lossy { maze.with_marks(Vec::new(), Vec::new()) } else { maze.clone() };
-        assert_eq!(read.named("u"), kept, "{name}");
+        let kept = |name: &str, cells: &[Cell]| {
+            if format.loses.contains(name) { Vec::new() } else { cells.to_vec() }
+        };
+        let marks = (kept("starts", maze.starts()), kept("goals", maze.goals()));
+        assert_eq!(read.named("u"), maze.with_marks(marks.0, marks.1), "{name}");
         let (facts, _) = run(path, &["check", &name]);
         assert!(facts.contains("size:       5 x 5") && facts.contains("free cells: 7"), "{facts}");
         assert_eq!(facts.contains("scenario: 1 task"), format.name == "mapf", "{facts}");
@@ -108,33 +104,12 @@ fn scale_and_goal_radius_are_kept_with_the_map() {
     let refused = refusal(path, &["check", "u.json", "--margin", "1"]);
     assert!(refused.contains("makes the start or goal in column 2, row 2 a wall"), "{refused}");
     let (_, warnings) = run(path, &[&["maps", "convert", "u.json", "u.map"][..], &scale].concat());
-    let lost =
-        "the file has no goal radius 2, cells per block 8, margin 2.5; formats that keep all: png,";
-    assert!(warnings.contains(lost), "{warnings}");
-    for name in MapFormat::lossless() {
-        let convert = ["maps", "convert", "u.json", name, "--format", name];
-        let (_, warnings) = run(path, &[&convert[..], &scale].concat());
-        assert_eq!(warnings, "", "{name}");
-        let (facts, _) = run(path, &["check", name]);
-        assert!(facts.contains("40 x 40") && facts.contains(expected), "{name}: {facts}");
-    }
+    assert!(warnings.contains("give --goal-radius 2 with it"), "{warnings}");
 }
 
 #[test]
-fn what_a_scenario_cannot_have_is_said() {
+fn agents_of_a_planner_are_marks_where_an_option_says_so() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("m.txt"), "S.#G\n.G#.\n").unwrap();
-    let (written, said) = run(folder.path(), &["maps", "convert", "m.txt", "m.map"]);
-    assert!(written.contains("m.scen"), "{written}");
-    assert!(said.contains("warning: 1 of 2 goals are not in m.scen"), "{said}");
-    // Without any task there is no scenario.
-    std::fs::write(folder.path().join("n.txt"), "S.#.\n..#.\n").unwrap();
-    let (written, said) = run(folder.path(), &["maps", "convert", "n.txt", "n.map"]);
-    assert!(
-        !written.contains("scen") && said.contains("has no starts; formats"),
-        "{written}{said}"
-    );
-    // Agents of a planner are marks where --scen says so.
     let agents =
         "agents:\n- start: [0, 0]\n  goal: [1, 0]\nmap:\n  dimensions: [2, 1]\n  obstacles: []\n";
     std::fs::write(folder.path().join("a.yaml"), agents).unwrap();

@@ -58,14 +58,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     let done = plot(folder.path(), &[&[".", "--width", "84mm"], &out[..]].concat());
     assert_eq!(done.status, Some(0), "{}", done.err);
     assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
-    has_parts(
-        &done.err,
-        &[
-            "drawn up to 200 updates, where her ends, of 400",
-            "mean of 1 to 2 seeds",
-            "gdg-bridge with plans, her the actor alone",
-        ],
-    );
+    has_parts(&done.err, &["mean of 1 to 2 seeds", "gdg-bridge with plans, her the actor alone"]);
     let table = rows(&folder.path().join("fig.csv"));
     assert_eq!(table[0], ["chart", "curve", "seed", "updates", "success", "low", "high"]);
     assert!(
@@ -76,7 +69,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
         let own = means.iter().filter(|row| row[1] == curve);
         own.map(|row| [3, 4, 5, 6].map(|i| row[i].parse::<f64>().unwrap())).collect::<Vec<_>>()
     };
-    assert_eq!(of("gdg-bridge"), [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
+    assert_eq!(of("gdg-bridge")[..2], [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
     assert_eq!(of("her"), [[100.0, 0.125, 0.125, 0.125], [200.0, 0.25, 0.25, 0.25]]);
 
     let file = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
@@ -91,22 +84,15 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     assert_eq!(info.width, 993, "84 mm at 300 pixels an inch");
 
     // Its own figures and tables are replaced, others are not.
-    for file in ["fig.png", "fig.csv"] {
-        let own = std::fs::read(folder.path().join(file)).unwrap();
-        std::fs::write(folder.path().join(file), "mine").unwrap();
-        let refused = plot(folder.path(), &[&["."], &out[..]].concat());
-        assert_eq!(refused.status, Some(2));
-        has_parts(&refused.err, &[file, "already exists", "--overwrite"]);
-        std::fs::write(folder.path().join(file), own).unwrap();
-    }
-    let whole = ["a.jsonl", "c.jsonl", "--whole", "--x", "seconds", "--y", "greedy"];
-    let whole = plot(folder.path(), &[&whole, &out[..]].concat());
-    assert_eq!(
-        (whole.status, whole.err.contains("drawn up to")),
-        (Some(0), false),
-        "{}",
-        whole.err
-    );
+    let own = file("fig.csv");
+    std::fs::write(folder.path().join("fig.csv"), "mine").unwrap();
+    let refused = plot(folder.path(), &[&["."], &out[..]].concat());
+    assert_eq!(refused.status, Some(2));
+    has_parts(&refused.err, &["already exists", "--overwrite"]);
+    std::fs::write(folder.path().join("fig.csv"), own).unwrap();
+    let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "greedy"];
+    let greedy = plot(folder.path(), &[&greedy, &out[..]].concat());
+    assert_eq!(greedy.status, Some(0), "{}", greedy.err);
     let table = rows(&folder.path().join("fig.csv"));
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())
@@ -155,7 +141,6 @@ fn what_cannot_be_drawn_is_named() {
     std::fs::create_dir(folder.path().join("empty")).unwrap();
     let all = records("her", 1, 2, 0.5, &json!({}));
     write("her.jsonl", &all);
-    write("old.jsonl", &all.replace("\"env_steps\"", "\"steps\""));
     write("begun.jsonl", all.lines().next().unwrap());
     write("bad.jsonl", &(all.lines().next().unwrap().to_owned() + "\n{\"event\": 3}\n"));
     write("late.jsonl", all.lines().nth(1).unwrap());
@@ -168,7 +153,6 @@ fn what_cannot_be_drawn_is_named() {
         (&["bad.jsonl"], &["bad.jsonl:2:", "not a record"]),
         (&["late.jsonl"], &["late.jsonl:1:1: an evaluation before any start record"]),
         (&["map.txt"], &["map.txt:1:1: not a record"]),
-        (&["old.jsonl", "--x", "steps"], &["older version", "--x updates"]),
         (&["her.jsonl", "--y", "error"], &["none of these runs (her) has a relative error of D"]),
         (&["her.jsonl", "--y", "sucess"], &["'success'"]),
         (&["her.jsonl", "--width", "3"], &["from 40 to 1000"]),

@@ -92,20 +92,14 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
             "ours: success rate | anywhere | as in training | environment steps | run |",
             "| GDG, bridges | about 0.8 | 0.",
             "| GDG | reaches the goal |",
-            " | reached at the end | least steps left | environment steps | run |",
+            " | reached at the end | environment steps | run |",
             " | 0 of 1 seed | ",
-            "default (ours): D(s, .)",
+            "red: the bridge point b",
         ],
     );
-    has_parts(
-        &whole.out,
-        &["fig3: City: success over training", "success rate over environment steps"],
-    );
+    assert!(report.ends_with(&whole.out), "{}", whole.out);
 
-    has_parts(
-        &report,
-        &["1.00 from (environment steps) |", "| GDG, distance | converges like DDPG | "],
-    );
+    has_parts(&report, &["| GDG, distance | converges like DDPG | "]);
 
     let (data, figures) = (place.files("out/data"), place.files("out/figures"));
     for figure in FIGURES {
@@ -211,11 +205,10 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
     for (name, bytes) in place.files("whole/jobs") {
         let result: Value = serde_json::from_slice(&bytes).unwrap();
         assert_eq!(
-            (&result["map"], &result["measured"]["env_steps"]),
+            (&result["map"], &result["evaluations"][74]["env_steps"]),
             (&"fetch-reach".into(), &600.into()),
             "{name}"
         );
-        assert!(result.get("free_cells").is_none(), "{name}");
         // All updates due are done: one per step after the first 200.
         assert_eq!(result["updates"], 400, "{name}");
     }
@@ -397,16 +390,8 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
 }
 
 #[test]
-fn a_dataset_that_is_not_there_needs_ogbench_in_python() {
-    let place = Place::new();
-    let args = ["ogbench", "--data-dir", "sets", "--python", "/no/such/python", "--out", "out"];
-    let refused = place.run(&args);
+fn a_dataset_that_is_not_there_is_named() {
+    let refused = Place::new().run(&["ogbench", "--data-dir", "sets", "--list"]);
     assert_eq!(refused.status, Some(2), "{}", refused.err);
-    has_parts(
-        &refused.err,
-        &["medium-navigate: not collected: /no/such/python: not found", "the package ogbench"],
-    );
-    let collect = place.run(&["ogbench", "--data-dir", "sets", "--collect"]);
-    assert_eq!(collect.status, Some(2), "{}", collect.err);
-    has_parts(&collect.err, &["pointmaze-medium-navigate-v0.npz"]);
+    has_parts(&refused.err, &["pointmaze-medium-navigate-v0.npz", "collect_ogbench.py writes it"]);
 }

@@ -136,11 +136,11 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     again.wait_for("rooms gdg-bridge");
     again.press("\r");
     again.wait_for("loaded saves/rooms-gdg-bridge-seed3.safetensors");
-    // The map given on the command line can be opened again.
+    // Maps in the folder are listed below the built-in ones.
     again.press("O");
-    again.wait_for("recent");
+    again.wait_for("built in");
     again.press("\x1b");
-    again.wait_until_gone("recent");
+    again.wait_until_gone("built in");
     again.press("\x03");
     again.wait_for_end_or("quit without saving");
     again.press("\x03");

@@ -12,7 +12,7 @@ fuzz_target!(|bytes: &[u8]| {
     let tasks = Scenario::parse("fuzzed", bytes).and_then(|scenario| {
         let _ = (scenario.map_name(), scenario.other_map(&TRAP));
         let tasks = scenario.tasks(&TRAP)?;
-        scenario.check_lengths(&tasks, &TRAP)?;
+        scenario.check_paths(&tasks, &TRAP)?;
         Ok(tasks)
     });
     match tasks {

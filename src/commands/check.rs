@@ -12,7 +12,7 @@ use crate::host::report::from_map_error;
 use crate::host::waiting::Waiting;
 use gdg::files::has_extension;
 use gdg::job::Job;
-use gdg::map::{self, Cell, Diameter, Grid, MapError, MapScale, Reading, Scenario, StepSearch};
+use gdg::map::{self, Cell, Components, Diameter, Grid, MapError, MapScale, Reading, Scenario};
 use gdg::text::counted;
 use gdg::train::Registry;
 
@@ -65,7 +65,7 @@ fn checked(
 
 /// Returns which marked goals no agent can reach, and which starts are cut off.
 fn faults(grid: &Grid) -> Vec<String> {
-    let components = StepSearch::new(grid).components(grid);
+    let components = Components::of(grid);
     let part = |cell: &Cell| components.of_cell[grid.index(*cell)];
     let parts = |cells: &[Cell]| cells.iter().filter_map(part).collect::<Vec<_>>();
     let (starts, goals, largest) = (grid.starts(), grid.goals(), components.largest());
@@ -97,7 +97,7 @@ fn place(cell: Cell) -> String {
 /// Returns the facts about a scenario and its map.
 fn tasks(scenario: &Scenario, grid: &Grid, progress: &Job) -> Result<String, Report> {
     let tasks = scenario.tasks(grid).map_err(from_map_error)?;
-    scenario.check_lengths(&tasks, grid).map_err(from_map_error)?;
+    scenario.check_paths(&tasks, grid).map_err(from_map_error)?;
     let longest = tasks.iter().filter_map(|t| t.optimal_octile).reduce(f64::max);
     let longest =
         longest.map_or(String::new(), |longest| format!(", longest {longest:.1} cells (octile)"));
@@ -135,7 +135,7 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
 
 /// Returns the facts about a map, and a line for each warning.
 fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
-    let components = StepSearch::new(grid).components(grid);
+    let components = Components::of(grid);
     let free = grid.free_count();
     let largest = components.sizes[components.largest() as usize];
     let mut lines = vec![

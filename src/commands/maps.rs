@@ -1,7 +1,5 @@
 //! `gdg-tui maps`: the built-in maps, random ones, and maps in other formats.
 
-use std::path::PathBuf;
-
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
@@ -12,7 +10,7 @@ use crate::host::outputs::{refuse_existing, refuse_input};
 use crate::host::report::from_map_error;
 use crate::host::waiting::Waiting;
 use gdg::map::{
-    self, BUILTIN, Diameter, Grid, MapFormat, Reading, Scenario, ScenarioTask, print_ascii,
+    self, BUILTIN, Diameter, FORMATS, Grid, MapFormat, MapScale, Reading, ScenarioTask, print_ascii,
 };
 use gdg::printing::eprint_line;
 use gdg::text::sanitized;
@@ -60,11 +58,7 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
     if let Some(scenario) = &args.scen {
         grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
     }
-    let mut files = format.write(&grid, output);
-    let scenario = Scenario::beside(&grid, output, format);
-    if let Some((path, scenario)) = &scenario {
-        files.push((path.clone(), scenario.print().into_bytes()));
-    }
+    let files = format.write(&grid, output);
     let warnings = warnings(&grid);
     drop(converting);
     warnings.iter().for_each(|warning| eprint_line(warning));
@@ -73,7 +67,7 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
         refuse_input("OUT", path, read)?;
         refuse_existing(path, args.overwrite)?;
     }
-    for loss in losses(args, &grid, format, scenario)? {
+    for loss in losses(args, &grid, format)? {
         eprint_line(&format!("{}: {loss}", sanitized(grid.name())));
     }
     files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
@@ -87,35 +81,17 @@ fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {
 }
 
 /// Returns what of a map its file in this `format` will not have, and how to keep it.
-fn losses(
-    args: &ConvertArgs,
-    grid: &Grid,
-    format: &MapFormat,
-    scenario: Option<(PathBuf, Scenario)>,
-) -> Result<Vec<String>, Report> {
-    let (mut said, mut lost) = (Vec::new(), format.lost(grid, &args.output));
-    if let Some((path, scenario)) = scenario {
-        let tasks = scenario.tasks(grid).map_err(from_map_error)?;
-        let kept = with_tasks(&grid.with_marks(Vec::new(), Vec::new()), tasks);
-        let path = sanitized(&path.to_string_lossy());
-        for (name, all, kept) in [
-            ("starts", grid.starts().len(), kept.starts().len()),
-            ("goals", grid.goals().len(), kept.goals().len()),
-        ] {
-            if all == kept {
-                lost.retain(|lost| lost != name);
-                continue;
-            }
-            let why = "its tasks have a start and a goal with a path";
-            said.push(format!("warning: {} of {all} {name} are not in {path}: {why}", all - kept));
-        }
-        said.push(format!(
-            "starts and goals are the tasks of {path}: give --scen {path} with the map"
-        ));
-    }
+fn losses(args: &ConvertArgs, grid: &Grid, format: &MapFormat) -> Result<Vec<String>, Report> {
+    let (mut said, lost) = (Vec::new(), format.lost(grid).join(" and "));
     if !lost.is_empty() {
-        let (lost, keep) = (lost.join(", "), MapFormat::lossless().join(", "));
-        said.push(format!("warning: the file has no {lost}; formats that keep all: {keep}"));
+        let keep = FORMATS.iter().filter(|format| format.loses.is_empty());
+        let keep = keep.map(|format| format.name).collect::<Vec<_>>().join(", ");
+        said.push(format!("warning: the file has no {lost}; formats that keep them: {keep}"));
+    }
+    let MapScale { goal_radius, .. } = grid.scale();
+    if goal_radius != MapScale::default().goal_radius {
+        let keep = format!("give --goal-radius {goal_radius} with it");
+        said.push(format!("warning: no file of a map has a goal radius: {keep}"));
     }
     if grid.scale().benchmark.is_some() {
         said.push("warning: the tasks of the benchmark are not written".to_owned());

@@ -181,7 +181,7 @@ fn load_scenario(
     let scenario = map::read_scenario(path).map_err(from_map_error)?;
     let tasks = scenario.tasks(maze.map()).map_err(from_map_error)?;
     if !resumed {
-        scenario.check_lengths(&tasks, maze.map()).map_err(from_map_error)?;
+        scenario.check_paths(&tasks, maze.map()).map_err(from_map_error)?;
     }
     maze.set_scenario(tasks);
     let other = scenario.other_map(maze.map());

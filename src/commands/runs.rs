@@ -76,7 +76,7 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
         interface.notice = Some("q leads back to the list of runs");
         let ended = match opened {
             None => return Ok(status.max(signalled)),
-            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface, None),
+            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface),
             Some(Opened::Comparison(both)) => tui::compare(*both, &mut interface),
         };
         let (ended, files) = ended.map_err(failure)?;
@@ -103,14 +103,15 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
         }
         Some(other) => {
             let options = ComparisonOptions {
-                contenders: [wish.file, other].map(Contender::Checkpoint),
+                a: Contender::Checkpoint(wish.file),
+                b: Contender::Checkpoint(other),
                 map: None,
-                reading: Reading::default(),
                 seed: None,
                 set: Vec::new(),
                 threads: Threads::auto(),
             };
-            let mut both = tui::prepare_comparison(&options, &registry, progress)?;
+            let reading = Reading::default();
+            let mut both = tui::prepare_comparison(&options, &reading, &registry, progress)?;
             both.warnings.extend(wish.warning);
             Ok(Opened::Comparison(Box::new(both)))
         }

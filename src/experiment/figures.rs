@@ -2,31 +2,26 @@
 //! the point mazes of OGBench, each a list of jobs and what is drawn of their results.
 
 mod catalogue;
-mod curves;
-mod maps;
-mod ogbench;
-mod output;
-mod report;
+mod drawn;
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
-use super::jobs::{JobOptions, Jobs, print_raw, warn_if_short};
+use super::jobs::{JobOptions, Jobs, print, warn_if_short};
 use super::plan::{Length, Plan};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
-use crate::host::values::counts;
-use catalogue::Entry;
-pub use catalogue::{Budget, FIGURES, Figure};
+use crate::host::values::{counts, output};
+use catalogue::{Budget, Entry, FIGURES, Figure};
+use drawn::{head, section};
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
-use ogbench::DataFolder;
-use output::Drawn;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -40,7 +35,6 @@ Examples:
 
 Exit status: as of gdg-tui suite.";
 
-/// Which figures to reproduce, and how.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Options {
@@ -68,8 +62,9 @@ pub struct Options {
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
 
-    #[command(flatten)]
-    pub data: DataFolder,
+    /// Folder of OGBench's datasets, for the figure ogbench
+    #[arg(long, value_name = "FOLDER", default_value = "saves/ogbench", value_parser = output())]
+    pub data_dir: PathBuf,
 
     /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that
     /// many along the way
@@ -89,7 +84,6 @@ fn names() -> PossibleValuesParser {
     figures.chain([PossibleValue::new("all").help("All of the paper's")]).collect::<Vec<_>>().into()
 }
 
-/// Figures, ready to be reproduced.
 pub struct Reproduction<'a> {
     options: &'a Options,
     jobs: Jobs<'a>,
@@ -109,7 +103,6 @@ impl MethodRuns {
     }
 }
 
-/// Checks all arguments and lists the jobs.
 pub fn prepare<'a>(
     options: &'a Options,
     registry: &'a Arc<Registry>,
@@ -117,18 +110,13 @@ pub fn prepare<'a>(
     let chosen: Vec<&'static Figure> =
         FIGURES.iter().filter(|figure| figure.is_among(&options.figures)).collect();
     check_prefixes(&options.set, &chosen)?;
-    let JobOptions { collect, list, .. } = options.running;
-    if !collect {
-        let entries = chosen.iter().flat_map(|figure| figure.methods);
-        let datasets: Vec<&str> = entries.filter_map(|entry| entry.dataset).collect();
-        options.data.collect(&datasets)?;
-    }
+    let JobOptions { collect, list, .. } = &options.running;
     let mut figures = Vec::new();
     for figure in chosen {
         let mut methods = Vec::new();
         for entry in figure.methods {
             let jobs = jobs(figure, entry, options, registry)?;
-            if !collect && !list {
+            if !*collect && !*list {
                 let usual = figure.plan(options.budget, entry.name).length;
                 let is_same_unit = jobs[0].plan.length.unit() == usual.unit();
                 warn_if_short(is_same_unit.then_some((&jobs[0], usual.amount())));
@@ -138,11 +126,10 @@ pub fn prepare<'a>(
         figures.push((figure, methods));
     }
     let all = figures.iter().flat_map(|(_, methods)| methods).flat_map(|method| &method.jobs);
-    let jobs = Jobs::new(all.cloned(), &options.running, "reproduce", registry)?;
+    let jobs = Jobs::new("reproduce", all.cloned(), &options.running, registry)?;
     Ok(Reproduction { options, jobs, figures })
 }
 
-/// Returns the jobs of a method in a figure, one per seed.
 fn jobs(
     figure: &Figure,
     entry: &Entry,
@@ -160,7 +147,10 @@ fn jobs(
             from_config_error(error).wrap_err(problem)
         })?;
     let mut plan = figure.plan(options.budget, entry.name);
-    plan.data = entry.dataset.map(|dataset| options.data.find(dataset)).transpose()?;
+    plan.data = entry
+        .dataset
+        .map(|dataset| catalogue::find_dataset(dataset, &options.data_dir))
+        .transpose()?;
     let lengths = [
         options.updates.map(Length::Updates),
         options.episodes.map(Length::Episodes),
@@ -179,7 +169,6 @@ fn jobs(
     (1..=if figure.several_seeds { seeds } else { 1 }).map(job).collect()
 }
 
-/// Checks that the methods named by `--set` are among those of `figures`.
 fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
     let mut names: Vec<&str> =
         figures.iter().flat_map(|figure| figure.methods).map(|entry| entry.name).collect();
@@ -195,7 +184,6 @@ fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
 }
 
 impl Reproduction<'_> {
-    /// Runs, draws or lists; returns the exit status.
     pub fn run(mut self) -> Result<u8, Report> {
         let mut figures = std::mem::take(&mut self.figures);
         self.jobs.run(|missing| self.draw(&mut figures, missing))
@@ -211,7 +199,7 @@ impl Reproduction<'_> {
             let problem = folder.problem(job).unwrap_or_else(|error| Some(error.to_string()));
             problem.iter().for_each(|problem| eprint_line(problem));
         }
-        let (mut sections, mut charts) = (String::new(), String::new());
+        let mut sections = String::new();
         for (figure, methods) in &mut *figures {
             for method in &mut *methods {
                 method.results =
@@ -223,13 +211,11 @@ impl Reproduction<'_> {
                 eprint_line(&format!("{name}: no job is done, so there is nothing to draw"));
                 continue;
             }
-            let drawn = Drawn::write(figure, methods, folder)?;
-            charts += &drawn.text;
-            sections += &report::section(figure, methods, &drawn);
+            sections += &section(figure, methods, folder)?;
         }
         let of_paper = figures.iter().any(|(figure, _)| figure.is_of_paper());
-        let head = report::head(&options.figures, options.budget, of_paper, missing);
+        let head = head(&options.figures, options.budget, of_paper, missing);
         folder.write("report.md", (head + &sections).as_bytes())?;
-        print_raw(&charts)
+        print(&sections)
     }
 }

@@ -17,7 +17,6 @@ use gdg::files::{self, Format, LockFile, Mismatch, Wanted, has_extension, is_hid
 use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};
 
-/// Maximum size of a result file.
 const MAX_RESULT_BYTES: u64 = 64 << 20;
 
 const MOVE_AWAY: &str = "move it away, or give --out another folder";
@@ -29,7 +28,6 @@ const RESULT: Wanted =
 const REPORTS: [&str; 6] =
     ["report.md", "success.svg", "success.csv", "pictures", "data", "figures"];
 
-/// Reads a result without knowing its job.
 pub fn read_result(path: &Path) -> Result<JobResult, Report> {
     let problem =
         |problem: String| Report::msg(sanitized(&format!("{}: {problem}", path.display())));
@@ -94,7 +92,6 @@ impl Folder {
         self.0.join(format!("jobs/{}.json", job.name))
     }
 
-    /// Says how far the job is.
     pub fn state(&self, job: &JobSpec) -> String {
         if self.result_of(job).is_some() {
             return "done".to_owned();
@@ -145,7 +142,6 @@ impl Folder {
         (results, problems)
     }
 
-    /// Checks that the job's result, checkpoint and picture can be written.
     pub fn check_result_writable(&self, job: &JobSpec) -> Result<(), Report> {
         let checkpoint = self.checkpoint(job);
         if checkpoint.is_file() && !is_checkpoint(&checkpoint) {

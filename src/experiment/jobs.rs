@@ -1,20 +1,35 @@
-//! The jobs of an experiment: listed, run, and reported.
+//! The jobs of an experiment: listed, run in parallel, resumed, saved, and reported.
 
 use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
+use parking_lot::Mutex;
 
 use super::folder::Folder;
-use super::spec::{JobResult, JobSpec};
+use super::measure::{self, measure};
+use super::plan::Length;
+use super::spec::JobSpec;
+use crate::headless::{Saver, evaluate, save_interval};
+use crate::host::outputs::{elsewhere, save_elsewhere};
+
+use crate::host::EXIT_FAILURE;
+use crate::host::report::print_error;
 use crate::host::runs::SAVES;
-use crate::host::values::{counts, output, shares};
-use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
+use crate::host::setup::{begin, learn_from, parallel_jobs};
+use crate::host::signals::TerminationSignal;
+use crate::host::values::{counts, output};
+use crate::host::waiting::duration;
+use gdg::files::check_writable;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
-use gdg::train::{Evaluation, Registry};
+use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
 
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
@@ -46,33 +61,29 @@ pub struct JobOptions {
     /// Remove the checkpoints of finished jobs, which --resume needs
     #[arg(long)]
     pub no_keep: bool,
-
-    /// Exit with status 3 unless every run's final success rate is at least X
-    #[arg(long, value_name = "X", value_parser = shares())]
-    pub require_success: Option<f64>,
 }
 
 /// The jobs of an experiment, each once, in order.
 pub struct Jobs<'a> {
     pub all: Vec<JobSpec>,
     pub folder: Folder,
-    pub registry: &'a Arc<Registry>,
-    pub options: &'a JobOptions,
+    registry: &'a Arc<Registry>,
+    options: &'a JobOptions,
 }
 
 impl<'a> Jobs<'a> {
-    /// Takes the jobs of a `command`, the same of which may be given several times. Checks that those
+    /// Takes the jobs of a command, the same of which may be given several times. Checks that those
     /// named exist, and that results can be written.
     pub fn new(
+        command: &str,
         jobs: impl IntoIterator<Item = JobSpec>,
         options: &'a JobOptions,
-        command: &str,
         registry: &'a Arc<Registry>,
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let folder = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
-        let jobs = Self { all, folder: Folder(folder), registry, options };
+        let out = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
+        let jobs = Self { all, folder: Folder(out), registry, options };
         jobs.chosen()?;
         if options.collect {
             jobs.folder.check_has_jobs()?;
@@ -110,13 +121,13 @@ impl<'a> Jobs<'a> {
             return print(&self.list()).map(|()| 0);
         }
         let (chosen, collect) = (self.chosen()?, self.options.collect);
-        let (mut any_failed, mut any_elsewhere) = (false, false);
+        let mut any_failed = false;
         if !collect {
-            let outcome = self.run_open(&chosen)?;
-            if let Some(status) = outcome.interrupted {
+            let (failed, interrupted) = self.run_open(&chosen)?;
+            if let Some(status) = interrupted {
                 return Ok(status);
             }
-            (any_failed, any_elsewhere) = (outcome.any_failed, outcome.any_elsewhere);
+            any_failed = failed;
         }
         if self.options.job.is_empty() {
             let open = self.all.iter().filter(|job| self.folder.result_of(job).is_none());
@@ -129,11 +140,7 @@ impl<'a> Jobs<'a> {
                 any_failed |= collect;
             }
         }
-        Ok(match self.options.require_success {
-            _ if any_failed => EXIT_FAILURE,
-            Some(least) if self.any_below(&chosen, least) || any_elsewhere => EXIT_NOT_REACHED,
-            _ => 0,
-        })
+        Ok(if any_failed { EXIT_FAILURE } else { 0 })
     }
 
     fn list(&self) -> String {
@@ -151,20 +158,6 @@ impl<'a> Jobs<'a> {
         };
         aligned(&self.all.iter().map(row).collect::<Vec<_>>())
     }
-
-    /// Names the results below a success rate; returns whether there are any.
-    fn any_below(&self, jobs: &[&JobSpec], required: f64) -> bool {
-        let rate = |result: &JobResult| result.last().and_then(Evaluation::success_rate);
-        let results = jobs.iter().filter_map(|job| self.folder.result_of(job));
-        let is_below = |result: &JobResult| rate(result).is_none_or(|rate| rate < required);
-        let below: Vec<JobResult> = results.filter(is_below).collect();
-        for result in &below {
-            let (name, rate) = (&result.name, rate(result));
-            let rate = rate.map_or("-".to_owned(), |rate| format!("{rate:.3}"));
-            eprint_line(&format!("{name}: success rate {rate} is below the required {required}"));
-        }
-        !below.is_empty()
-    }
 }
 
 /// Warns if jobs train for far less than is `usual` for them, given in the same unit.
@@ -181,13 +174,327 @@ pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
     }
 }
 
-/// Prints to standard output, made safe to display.
+/// Prints to standard output, made safe to display. An early close (`| head`) is not an error.
 pub fn print(text: &str) -> Result<(), Report> {
-    print_raw(&sanitized_lines(text))
+    print_text(&sanitized_lines(text)).into_diagnostic().wrap_err("standard output")
 }
 
-/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`)
-/// is not an error.
-pub fn print_raw(text: &str) -> Result<(), Report> {
-    print_text(text).into_diagnostic().wrap_err("standard output")
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    Done,
+    /// A signal arrived: its checkpoint is saved.
+    Interrupted,
+    /// Another process runs it.
+    Elsewhere,
+    /// An error, which is printed.
+    Failed,
+}
+
+struct Runner<'a> {
+    all: &'a Jobs<'a>,
+    termination: TerminationSignal,
+    open: Vec<&'a JobSpec>,
+    progress: Progress,
+}
+
+impl Jobs<'_> {
+    /// Runs those of `jobs` that have no result until a signal arrives, and says which failed or
+    /// run elsewhere. Returns whether any failed, and the exit status if a signal ended them.
+    fn run_open(&self, jobs: &[&JobSpec]) -> Result<(bool, Option<u8>), Report> {
+        let Self { folder, options, .. } = self;
+        let (done, open): (Vec<&JobSpec>, Vec<&JobSpec>) =
+            jobs.iter().partition(|job| folder.result_of(job).is_some());
+        for job in &open {
+            folder.check_result_writable(job)?;
+            if let Some(problem) = folder.problem(job)? {
+                eprint_line(&format!("{problem}; it runs again"));
+            }
+        }
+        let checkpoints = open.iter().map(|job| folder.checkpoint(job));
+        if let Some(longest) = checkpoints.max_by_key(|path| path.as_os_str().len()) {
+            check_writable(&longest).map_err(|error| {
+                let (help, path) = ("give --out another folder", longest.display());
+                miette!(help = help, "{path}: cannot be saved: {error}")
+            })?;
+        }
+        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
+        let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
+        let runner = Runner { all: self, termination, open, progress };
+        let ends = runner.run(parallel_jobs(options.jobs));
+        let named = |wanted: End| {
+            let found = runner.open.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
+            found.map(|(job, _)| &*job.name).collect::<Vec<_>>()
+        };
+        let (failed, others) = (named(End::Failed), named(End::Elsewhere));
+        if !failed.is_empty() {
+            let names = failed.join(", ");
+            eprint_line(&format!("{} failed: {names}", counted(failed.len() as u64, "job")));
+        }
+        if !others.is_empty() {
+            let names = others.join(", ");
+            eprint_line(&format!(
+                "other processes run {names}: once they are done, run this again for the whole \
+                 report"
+            ));
+        }
+        Ok((!failed.is_empty(), runner.termination.status()))
+    }
+}
+
+impl Runner<'_> {
+    /// Runs the jobs, the longest first; returns how each ended. A job that fails does not end the
+    /// others.
+    fn run(&self, parallel: usize) -> Vec<End> {
+        let all = self.open.len();
+        let mut order: Vec<usize> = (0..all).collect();
+        order.sort_by_key(|i| {
+            let length = self.open[*i].plan.length;
+            std::cmp::Reverse((matches!(length, Length::Episodes(_)), length.amount()))
+        });
+        let (next, ended) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let ends = Mutex::new(vec![End::Interrupted; all]);
+        let work = || {
+            while let Some(i) = order.get(next.fetch_add(1, Ordering::Relaxed))
+                && self.termination.number().is_none()
+            {
+                let end = self.run_guarded(*i);
+                self.progress.advance(*i, 1.0);
+                let count = ended.fetch_add(1, Ordering::Relaxed) + 1;
+                match end {
+                    End::Done => self.say(*i, &format!("done, {count} of {all}")),
+                    End::Elsewhere => self.say(*i, "another process runs it"),
+                    End::Interrupted => self.say(*i, "interrupted, saved"),
+                    End::Failed => {}
+                }
+                ends.lock()[*i] = end;
+            }
+        };
+        std::thread::scope(|scope| {
+            let thread =
+                |i| std::thread::Builder::new().name(format!("jobs {i}")).spawn_scoped(scope, work);
+            if (1..=parallel.min(all)).filter(|i| thread(*i).is_ok()).count() == 0 {
+                work();
+            }
+        });
+        ends.into_inner()
+    }
+
+    fn share_of(&self, i: usize, trainer: &Trainer) -> f64 {
+        let length = self.open[i].plan.length;
+        length.done(&trainer.counters()) as f64 / length.amount().max(1) as f64
+    }
+
+    fn say(&self, i: usize, text: &str) {
+        eprint_line(&format!("{}: {text}", self.open[i].name));
+    }
+
+    /// Runs a job; an error or a panic becomes [`End::Failed`].
+    fn run_guarded(&self, i: usize) -> End {
+        let job = self.open[i];
+        let run = || match self.all.folder.lock(job)? {
+            // Another process may have finished it in the meantime.
+            Some(_) if self.all.folder.result_of(job).is_some() => Ok(End::Done),
+            Some(_lock) => self.run_locked(i),
+            None => Ok(End::Elsewhere),
+        };
+        let panicked = |_| {
+            let help = crate::host::logging::hint();
+            Err(miette!(help = help, "an internal error"))
+        };
+        catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(panicked).unwrap_or_else(|error| {
+            log::error!("{}: {error}", job.name);
+            print_error(&error.wrap_err(format!("job {} failed", job.name)));
+            End::Failed
+        })
+    }
+
+    /// Runs a job to its end. If its result or checkpoint cannot be written, it is saved elsewhere:
+    /// the next run resumes from there.
+    fn run_locked(&self, i: usize) -> Result<End, Report> {
+        let job = self.open[i];
+        let mut trainer = self.resume_or_begin(i)?;
+        trainer.set_job(self.termination.job().clone());
+        self.progress.begin(i, self.share_of(i, &trainer));
+        let mut saver = Saver::new(SaveTo::Replace(self.all.folder.checkpoint(job)));
+        let ended = self.train_and_finish(i, &mut trainer, &mut saver);
+        if ended.is_err()
+            && self.all.folder.result_of(job).is_none()
+            && saver.save(&mut trainer).is_err()
+        {
+            let kept = save_elsewhere(&trainer, saver.path());
+            let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
+                format!("saved to {} instead, where the next run finds it", path.display())
+            });
+            self.say(i, &line);
+        }
+        ended
+    }
+
+    /// Trains to the end and keeps the result, or the checkpoint if a signal arrives.
+    fn train_and_finish(
+        &self,
+        i: usize,
+        trainer: &mut Trainer,
+        saver: &mut Saver,
+    ) -> Result<End, Report> {
+        let job = self.open[i];
+        let is_whole = self.train(i, trainer, saver)?;
+        if !is_whole || !self.all.options.no_keep {
+            saver.save(trainer)?;
+        }
+        if !is_whole {
+            return Ok(End::Interrupted);
+        }
+        let map = job.world.map().filter(|_| job.plan.picture);
+        let picture = map.map(|map| measure::picture(trainer, map)).transpose()?;
+        let measured = measure(&job.plan, trainer, job.world.map())?;
+        self.all.folder.finish(
+            job,
+            &job.result(trainer, measured),
+            picture.as_deref(),
+            !self.all.options.no_keep,
+        )?;
+        Ok(End::Done)
+    }
+
+    /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
+    fn resume_or_begin(&self, i: usize) -> Result<Trainer, Report> {
+        let job = self.open[i];
+        let (own, length) = (self.all.folder.checkpoint(job), job.plan.length);
+        let (amount, unit) = (length.amount(), length.unit());
+        // Includes where it was saved if its own file could not be written; `max_by_key` prefers
+        // its own, the last, among equals.
+        let found = elsewhere(&own).into_iter().chain([own]).filter(|path| path.exists());
+        if let Some(checkpoint) =
+            found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
+        {
+            match train::load(&checkpoint, self.all.registry, 1) {
+                Ok(trainer) if job.is_run_of(&trainer) => {
+                    trainer.check_data().into_diagnostic()?;
+                    let done = length.done(&trainer.counters());
+                    self.say(i, &format!("resumes after {done} of {amount} {unit}"));
+                    return Ok(trainer);
+                }
+                Ok(_) => self.say(i, "its checkpoint is of another run: begins again"),
+                Err(error) => self.say(i, &format!("{error}: begins again")),
+            }
+        }
+        self.say(i, &format!("begins, {amount} {unit}"));
+        let world = job.world.create(self.all.registry)?;
+        let mut trainer = begin(job.run.clone(), &*world, self.all.registry, 1)?;
+        if let Some(data) = &job.plan.data {
+            let untold = gdg::job::Job::default();
+            let warning = learn_from(&mut trainer, &data.file, &untold)?;
+            if trainer.data().map(|read| read.checksum) != Some(data.checksum) {
+                let file = sanitized(&data.file.to_string_lossy());
+                let help = "run it again";
+                return Err(miette!(help = help, "{file}: has changed since the experiment began"));
+            }
+            warning.iter().for_each(|warning| eprint_line(warning));
+        }
+        Ok(trainer)
+    }
+
+    /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
+    fn train(&self, i: usize, trainer: &mut Trainer, saver: &mut Saver) -> Result<bool, Report> {
+        let (evaluate, limits) = self.open[i].plan.schedule();
+        let schedule =
+            Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
+        let mut session = Session::resume(schedule, trainer);
+        loop {
+            while let Some(due) = session.next_due() {
+                match due {
+                    Due::Evaluation if !self.evaluate(i, trainer)? => return Ok(false),
+                    Due::Save => {
+                        if let Err(error) = saver.save(trainer) {
+                            let then = "training continues; saving will be tried again";
+                            print_error(&error.wrap_err(then));
+                        }
+                    }
+                    Due::Recovery(recovery) => self.say(i, &recovery.to_string()),
+                    Due::Evaluation | Due::Progress | Due::Edit(_) => {}
+                }
+            }
+            if let ControlFlow::Break(reason) = session.tick(trainer, &limits).into_diagnostic()? {
+                return Ok(reason != EndReason::Interrupted);
+            }
+        }
+    }
+
+    /// Evaluates the present state; returns whether no signal arrived.
+    fn evaluate(&self, i: usize, trainer: &mut Trainer) -> Result<bool, Report> {
+        let plan = &self.open[i].plan;
+        let (amount, unit) = (plan.length.amount(), plan.length.unit());
+        let done = plan.length.done(&trainer.counters());
+        let evaluated =
+            evaluate(trainer, plan.tasks_after(done), plan.max_steps, &self.termination)?;
+        let Some(evaluation) = evaluated.transpose().into_diagnostic()? else {
+            return Ok(false);
+        };
+        let updates = trainer.counters().updates;
+        let rate = updates as f64 / trainer.seconds().max(1e-3);
+        self.progress.advance(i, self.share_of(i, trainer));
+        let (success, overall) = (evaluation.success(updates), self.progress.overall());
+        self.say(i, &format!("{done} of {amount} {unit}, {success}, {rate:.0} updates/s{overall}"));
+        if !evaluation.is_finite() && done >= amount {
+            let help = "try another seed, or a smaller learning_rate";
+            return Err(miette!(help = help, "the distances are not finite"));
+        }
+        Ok(true)
+    }
+}
+
+struct Progress {
+    /// The share done of each job, and what of that earlier processes have done.
+    shares: Mutex<Vec<[f64; 2]>>,
+    began: Instant,
+}
+
+impl Progress {
+    fn new(jobs: usize) -> Self {
+        Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Instant::now() }
+    }
+
+    /// Records the share of a job that earlier processes have done.
+    fn begin(&self, job: usize, share: f64) {
+        self.shares.lock()[job] = [share; 2];
+    }
+
+    /// Records the share of a job that is done; all of one that has failed or runs elsewhere.
+    fn advance(&self, job: usize, share: f64) {
+        self.shares.lock()[job][0] = share;
+    }
+
+    /// Returns how far all jobs are, for the end of a line.
+    fn overall(&self) -> String {
+        self.estimate(self.began.elapsed()).map_or(String::new(), |(share, seconds_left)| {
+            format!("; all jobs {:.0} %, {} left", 100.0 * share, duration(seconds_left))
+        })
+    }
+
+    /// Returns the share of all jobs that is done, each of which counts the same, and the seconds
+    /// left; `None` before anything is known.
+    fn estimate(&self, elapsed: Duration) -> Option<(f64, f64)> {
+        let shares = self.shares.lock();
+        let sum = |i: usize| shares.iter().map(|shares| shares[i]).sum::<f64>();
+        let (all, done, here) = (shares.len() as f64, sum(0), sum(0) - sum(1));
+        (here > 0.0).then(|| (done / all, elapsed.as_secs_f64() * (all - done) / here))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_from_what_this_process_has_done() {
+        let progress = Progress::new(2);
+        let estimate = || progress.estimate(Duration::from_secs(30));
+        progress.begin(0, 0.5);
+        assert_eq!(estimate(), None);
+        progress.advance(0, 1.0);
+        assert_eq!(estimate(), Some((0.5, 60.0)), "half a job in 30 s, and one is left");
+        progress.advance(1, 1.0);
+        assert_eq!(estimate(), Some((1.0, 0.0)));
+    }
 }

@@ -27,12 +27,8 @@ const MORE_TASKS: usize = 200;
 /// Bridge points for the figure are at least this share of D(s,g) from either end.
 const MIDDLE_SHARE: f32 = 0.25;
 
-/// Measured at the end of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
-    /// Environment steps, summed over all agents.
-    pub env_steps: u64,
-    pub episodes: u64,
     /// Walks, one per requested distance.
     pub walks: Vec<Walked>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -78,13 +74,11 @@ pub struct Bridge {
     pub from_start: Vec<Option<f32>>,
     /// The same for D(cell, g).
     pub to_goal: Vec<Option<f32>>,
-    /// The walk from s to g.
     pub walk: Walked,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Found {
-    /// Its position b.
     pub point: [f32; 2],
     pub from_start: f32,
     pub to_goal: f32,
@@ -108,17 +102,9 @@ pub fn measure(
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
     let random = plan.random_tasks.map(|count| random_tasks(trainer, &job, count)).transpose();
     let random = random.into_diagnostic()?;
-    let counters = trainer.counters();
-    Ok(Some(Measured {
-        env_steps: counters.env_steps,
-        episodes: counters.episodes,
-        walks,
-        bridge,
-        random,
-    }))
+    Ok(Some(Measured { walks, bridge, random }))
 }
 
-/// Evaluates on `count` tasks drawn in either way.
 fn random_tasks(
     trainer: &Trainer,
     job: &EvaluationJob,
@@ -167,7 +153,8 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvEr
 /// Searches as published for a bridge point and shows it with the distances to both ends.
 fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bridge, Report> {
     let policy = job.policy();
-    let Searched { task, start, bridge, searches, tried } = search_tasks(trainer, policy, map);
+    let (task, bridge, searches, tried) = search_tasks(trainer, policy, map);
+    let start = start_of(&task);
     let mut scratch = Scratch::default();
     let mut distance = |from: &[f32], to: &[f32]| {
         let distance = hundredths(policy.distance(from, to, &mut scratch));
@@ -205,30 +192,26 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     })
 }
 
-/// Result of searches for a bridge point.
-struct Searched {
-    /// The task with the bridge point; without one, the first task.
-    task: Task,
-    start: Vec<f32>,
-    bridge: Option<BridgePoint>,
-    searches: usize,
-    /// Candidates tried in all searches.
-    tried: usize,
+fn start_of(task: &Task) -> Vec<f32> {
+    task.start.iter().map(|v| *v as f32).collect()
 }
 
 /// Searches for a bridge point on one task after another until there is one: from the map's start
 /// to the cell farthest from it, then on far tasks drawn at random. Candidates close to either end
-/// are left out: they would show the noise of D rather than a bridge.
-fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Searched {
+/// are left out: they would show the noise of D rather than a bridge. Returns the task, or the
+/// first one if there is no bridge point, how many were searched, and candidates tried in all.
+fn search_tasks(
+    trainer: &Trainer,
+    policy: &dyn Policy,
+    map: &Arc<Grid>,
+) -> (Task, Option<BridgePoint>, usize, usize) {
     let world = PointMaze::new(map.clone(), 0);
     let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
     let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
     let mut tasks = vec![world.longest_task()];
     tasks.extend(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks);
-    let start_of = |task: &Task| task.start.iter().map(|v| *v as f32).collect::<Vec<f32>>();
-    let (mut scratch, mut tried, mut searches) = (Scratch::default(), 0, 0);
-    for task in &tasks {
-        searches += 1;
+    let (mut scratch, mut tried) = (Scratch::default(), 0);
+    for (i, task) in tasks.iter().enumerate() {
         let start = start_of(task);
         let (states, goals) =
             middle(trainer.candidates(), &start, &task.goal, policy, &mut scratch);
@@ -243,11 +226,11 @@ fn search_tasks(trainer: &Trainer, policy: &dyn Policy, map: &Arc<Grid>) -> Sear
         );
         tried += outcome.tried();
         if outcome.found.is_some() {
-            return Searched { task: task.clone(), start, bridge: outcome.found, searches, tried };
+            return (task.clone(), outcome.found, i + 1, tried);
         }
     }
-    let task = tasks.swap_remove(0);
-    Searched { start: start_of(&task), task, bridge: None, searches, tried }
+    let searches = tasks.len();
+    (tasks.swap_remove(0), None, searches, tried)
 }
 
 /// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g)
@@ -338,7 +321,6 @@ pub fn field(
     picture
 }
 
-/// Draws the plan, the path walked, both ends and a bridge point.
 pub fn draw_walk(picture: &mut Picture, raster: Raster, walk: &Walked, bridge: Option<[f32; 2]>) {
     let scale = raster.pixels.0 as f32 / raster.window[2];
     let at = |position: &[f32; 2]| position.map(|along| along * scale);

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report, miette};
 use serde::Serialize;
 
-use super::runs::{self, SavedRun, join_resumed};
+use super::runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{Format, MILLIMETRE, Page, Sheet};
 use crate::host::outputs::refuse_existing;
@@ -17,17 +17,15 @@ use crate::host::waiting::Waiting;
 use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
-use lines::Grouping;
-pub use lines::{Line, Points, table};
+pub use lines::{Grouping, Line, Points, table};
 
-/// Width of a paper's column.
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
 
 const TABLE: &str = "chart,curve,seed,";
 
-/// Largest figure that is recognised as one of this program.
-const MOST_OF_A_FIGURE: u64 = 64 << 20;
+/// Largest table that is recognised as one of this program.
+const MOST_OF_A_TABLE: u64 = 64 << 20;
 
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
@@ -43,11 +41,10 @@ Examples:
 
 Every curve is the mean over the seeds, on a band from the lowest to the highest; standard \
 error says what to write into the caption. Seeds that were evaluated at different places are \
-interpolated. All curves are drawn over the same range.
+interpolated.
 
 Exit status: 0 success; 2 bad usage or input.";
 
-/// What to draw, and where to.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Options {
@@ -68,10 +65,6 @@ pub struct Options {
     /// What it is drawn over
     #[arg(long, value_enum, value_name = "AXIS", default_value_t = Axis::Updates)]
     pub x: Axis,
-
-    /// Draw each curve to its own end, instead of all to the end of the shortest
-    #[arg(long)]
-    pub whole: bool,
 
     /// File that ends in .svg, .png (300 pixels an inch) or .pdf (repeatable); the table of that name
     /// ends in .csv [default: MEASURE.svg in the folder, or RUN.MEASURE.svg beside the file]
@@ -198,32 +191,29 @@ impl Axis {
         next(self)
     }
 
-    /// Returns where it is at an evaluation; older records do not know it.
-    pub fn of(self, at: &EvaluationAt) -> Option<f64> {
+    pub fn of(self, at: &EvaluationAt) -> f64 {
         match self {
-            Self::Updates => Some(at.updates as f64),
-            Self::Steps => at.env_steps.map(|steps| steps as f64),
+            Self::Updates => at.updates as f64,
+            Self::Steps => at.env_steps as f64,
             Self::Seconds => at.seconds,
         }
     }
 }
 
-/// A figure of curves, and the table behind it.
 pub struct Drawn {
     pub sheet: Sheet,
     pub table: Vec<u8>,
     /// What the figure shows, for its caption.
     pub caption: String,
-    /// What it leaves out.
     pub notes: Vec<String>,
 }
 
 pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
-    let runs = &join_resumed(runs)[..];
     let grouping = Grouping::new(runs, &options.by);
     let mut notes = Vec::new();
     let lines = lines::lines(runs, &grouping, options, &mut notes)?;
-    let x = lines::range(&lines, options, &mut notes);
+    let ends = lines.iter().flat_map(|line| line.seeds.values()).filter_map(|points| points.last());
+    let x = [0.0, ends.map(|point| point.0).fold(0.0, f64::max)];
     let (charts, axes) = (lines::charts(&lines, options, x), [options.x.name(), options.y.name()]);
     let table = table(&lines, axes, x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
@@ -275,15 +265,16 @@ pub fn run(options: &Options) -> Result<String, Report> {
     };
     let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
     let table = out[0].with_extension("csv");
+    // A figure beside such a table is one of this program.
+    let is_own = read(&table, MOST_OF_A_TABLE).is_ok_and(|own| own.starts_with(TABLE.as_bytes()));
     for path in out.iter().chain([&table]) {
-        refuse_existing(path, options.overwrite || is_own(path))?;
+        refuse_existing(path, options.overwrite || is_own)?;
     }
     let reading = Waiting::on("reading the runs");
     let (runs, mut notes) = runs::runs(&options.runs, &reading)?;
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
-    notes.extend(formats.iter().find_map(|format| format.lacking(&drawn.sheet)));
     let figures = formats.into_iter().map(|format| format.encode(&drawn.sheet));
     let figures = figures.collect::<Result<Vec<_>, _>>()?;
     drop(drawing);
@@ -295,11 +286,6 @@ pub fn run(options: &Options) -> Result<String, Report> {
         lines += &write(path, &figure)?;
     }
     Ok(lines + &write(&table, &drawn.table)?)
-}
-
-fn is_own(path: &Path) -> bool {
-    let Ok(bytes) = read(path, MOST_OF_A_FIGURE) else { return false };
-    Format::of(path).map_or(bytes.starts_with(TABLE.as_bytes()), |format| format.wrote(&bytes))
 }
 
 fn beside(path: &Path, name: &str) -> PathBuf {
@@ -344,7 +330,8 @@ mod tests {
         let score = json!({"success": 0.5, "spl": null, "steps_ratio": null, "by_distance": []});
         let at = |thousands: &u64| {
             json!({
-                "event": "evaluation", "updates": 1000 * thousands, "greedy": score, "planned": null,
+                "event": "evaluation", "updates": 1000 * thousands, "env_steps": 0, "seconds": 0.0,
+                "greedy": score, "planned": null,
             })
         };
         let saved = json!({"event": "saved", "updates": 0, "path": saved});
@@ -358,8 +345,7 @@ mod tests {
     /// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
     fn drawn(files: &[PathBuf]) -> (Vec<String>, Vec<String>) {
         let (runs, _) = runs::runs(files, &Job::default()).expect("runs");
-        let options = Options { whole: true, ..Options::default() };
-        let Drawn { table, notes, .. } = draw(&runs, &options).expect("a figure");
+        let Drawn { table, notes, .. } = draw(&runs, &Options::default()).expect("a figure");
         let mut rows: Vec<String> = Vec::new();
         for row in csv::Reader::from_reader(&table[..]).records() {
             let row = row.expect("a row");
@@ -371,31 +357,24 @@ mod tests {
     }
 
     #[test]
-    fn runs_on_different_maps_of_one_name_are_different_curves() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let hall = |file: &str, size: &str, at: &[u64]| {
-            let start = json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
-            record(folder.path(), file, &start, at, "")
-        };
-        let files = [hall("a.jsonl", "11 x 7", &[1, 3]), hall("b.jsonl", "21 x 21", &[2, 4])];
-        let (rows, notes) = drawn(&files);
-        let wanted = ["(11 x 7) 1 1000", "(11 x 7) 1 3000", "(21 x 21) 1 2000", "(21 x 21) 1 4000"];
-        assert_eq!(rows, wanted.map(|row| format!("hall {row}")));
-        assert_eq!(notes, [""; 0]);
-    }
-
-    #[test]
     fn runs_that_learned_or_were_evaluated_on_something_else_are_different_curves() {
         let folder = tempfile::tempdir().expect("a folder");
         let data = |checksum: u32| json!({"data": {"file": "a.npz", "checksum": checksum, "transitions": 9, "episodes": 1}});
         let tasks = |tasks: &str| json!({"map": {"name": "hall", "scenario": tasks}});
-        for [one, other] in [[data(1), data(2)], [data(1), json!({})], [tasks("a"), tasks("b")]] {
+        let size = |size: &str| json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
+        for ([one, other], names) in [
+            ([data(1), data(2)], ["data=00000001", "data=00000002"]),
+            ([data(1), json!({})], ["data=00000001", "her"]),
+            ([tasks("a"), tasks("b")], ["scenario=a", "scenario=b"]),
+            ([size("11 x 7"), size("21 x 21")], ["hall (11 x 7)", "hall (21 x 21)"]),
+        ] {
             let files = [
                 record(folder.path(), "a.jsonl", &one, &[1], ""),
-                record(folder.path(), "b.jsonl", &other, &[1], ""),
+                record(folder.path(), "b.jsonl", &other, &[2], ""),
             ];
-            let (rows, _) = drawn(&files);
-            assert!(rows.len() == 2 && rows[0] != rows[1], "{rows:?}");
+            let (rows, notes) = drawn(&files);
+            assert_eq!(rows, [format!("{} 1 1000", names[0]), format!("{} 1 2000", names[1])]);
+            assert_eq!(notes, [""; 0]);
         }
     }
 

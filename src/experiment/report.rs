@@ -2,12 +2,14 @@
 //! and a picture of every job.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
-use super::folder::{Folder, picture_name};
-use super::spec::{JobResult, JobSpec, told_apart};
 use miette::Report;
 
-use gdg::env::Restart;
+use super::folder::{Folder, picture_name};
+use super::plot::Grouping;
+use super::runs::SavedRun;
+use super::spec::{JobResult, JobSpec};
 use gdg::text::{aligned, counted, markdown};
 
 /// File of the learning curves, beside their table.
@@ -15,7 +17,6 @@ pub const CURVES: &str = "success.svg";
 
 struct Column {
     title: &'static str,
-    /// Digits after the point.
     digits: usize,
     /// Whether it is shown on a terminal, too.
     matters: bool,
@@ -48,7 +49,8 @@ const COLUMNS: [Column; 10] = [
 pub struct Row {
     /// The map's name, with what tells it apart from others of that name.
     map: String,
-    /// What all seeds share.
+    /// The method, with what tells it apart from its others.
+    label: String,
     about: JobResult,
     /// Names of the jobs, one per seed; none if only results are known.
     jobs: Vec<String>,
@@ -58,65 +60,35 @@ pub struct Row {
 /// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
 /// so that no method's results replace those of another; and what cannot be used there.
 pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<Report>) {
-    let row = |about| Row { map: String::new(), about, jobs: Vec::new(), results: Vec::new() };
+    let (mut others, problems) = folder.results();
+    others.retain(|result| jobs.iter().all(|job| job.name != result.name));
+    let own = jobs.iter().map(|job| folder.result_of(job).unwrap_or_else(|| job.open_result()));
+    let all: Vec<JobResult> = own.chain(others).collect();
+    let runs = all.iter().map(|result| SavedRun::of_result(result.clone(), PathBuf::new()));
+    let grouping = Grouping::new(&runs.collect::<Vec<_>>(), &[]);
     let mut rows: Vec<Row> = Vec::new();
-    for job in jobs {
-        let about = job.open_result();
-        let at = rows.iter().position(|row| row.is_of(&about)).unwrap_or_else(|| {
-            rows.push(row(about));
-            rows.len() - 1
-        });
-        rows[at].jobs.push(job.name.clone());
-        rows[at].results.extend(folder.result_of(job));
-    }
-    let (results, problems) = folder.results();
-    for result in results {
-        let at = rows.iter().position(|row| row.is_of(&result)).unwrap_or_else(|| {
-            let last = rows.iter().rposition(|row| row.about.world == result.world);
-            let at = last.map_or(rows.len(), |i| i + 1);
-            rows.insert(at, row(result.clone()));
+    for (i, result) in all.into_iter().enumerate() {
+        let [method, map, setting] = &grouping.parts[i];
+        let gap = if setting.is_empty() { "" } else { ", " };
+        let label = format!("{method}{gap}{setting}");
+        let is_of =
+            |row: &Row| (&row.map, &row.label, row.about.updates) == (map, &label, result.updates);
+        let at = rows.iter().position(is_of).unwrap_or_else(|| {
+            let last = rows.iter().rposition(|row| row.map == *map);
+            let at = last.map_or(rows.len(), |last| last + 1);
+            let (about, jobs, results) = (result.clone(), Vec::new(), Vec::new());
+            rows.insert(at, Row { map: map.clone(), label: label.clone(), about, jobs, results });
             at
         });
+        let row = &mut rows[at];
+        let is_job = i < jobs.len();
+        row.jobs.extend(is_job.then(|| result.name.clone()));
         // Jobs that are known replace those of other versions.
-        if rows[at].jobs.is_empty() {
-            rows[at].results.push(result);
+        if !result.evaluations.is_empty() && (is_job || row.jobs.is_empty()) {
+            row.results.push(result);
         }
     }
-    let maps = rows.iter().map(|row| (&*row.about.world, row.about.fingerprint()));
-    let names = told_apart(&maps.collect::<Vec<_>>());
-    rows.iter_mut().zip(names).for_each(|(row, name)| row.map = name);
     (rows, problems)
-}
-
-impl Row {
-    /// Whether a result is of the same map, method, settings and length.
-    fn is_of(&self, result: &JobResult) -> bool {
-        let facts = |of: &JobResult| {
-            let (method, preset) = (of.method.clone(), of.preset);
-            (of.world.clone(), method, of.variant.clone(), preset, of.settings.clone(), of.updates)
-        };
-        let fingerprints = self.about.fingerprint().zip(result.fingerprint());
-        fingerprints.is_none_or(|(own, other)| own == other) && facts(&self.about) == facts(result)
-    }
-
-    /// Returns method, variant and those settings that not all of `rows` have. The variants of an
-    /// ablation, unlike others, have names that say what they change.
-    fn label(&self, rows: &[Self]) -> String {
-        let variant = self.about.variant.as_ref().map_or(String::new(), |name| format!(", {name}"));
-        // Worlds without a map have settings of their own.
-        let is_other = |row: &Self| {
-            self.about.world != row.about.world
-                && (self.about.map.is_none() || row.about.map.is_none())
-        };
-        let is_common = |set: &&String| {
-            rows.iter().all(|row| is_other(row) || row.about.settings.contains(set))
-        };
-        let own = self.about.settings.iter().filter(|set| !is_common(set));
-        let own = own.map(String::as_str).collect::<Vec<_>>().join(" ");
-        let says_all = own.is_empty() || variant.trim_start_matches(", ").contains(' ');
-        let own = if says_all { own.clone() } else { format!(" ({own})") };
-        format!("{}{variant}{}", self.about.method, if says_all { "" } else { &own })
-    }
 }
 
 /// Returns the table: a line per map and method and, for several maps, lines with the mean and the
@@ -126,7 +98,7 @@ pub fn table(rows: &[Row], as_markdown: bool) -> String {
     let plain = |text: &str| if as_markdown { markdown(text) } else { text.to_owned() };
     let heads = ["map", "method", "updates"].into_iter().chain(columns().map(|own| own.title));
     let mut lines: Vec<Vec<String>> = vec![heads.map(str::to_owned).collect()];
-    let labels: Vec<String> = rows.iter().map(|row| plain(&row.label(rows))).collect();
+    let labels: Vec<String> = rows.iter().map(|row| plain(&row.label)).collect();
     for (row, label) in rows.iter().zip(&labels) {
         let missing = match (row.results.len(), row.jobs.len()) {
             (found, all) if found < all && all > 1 => format!(" ({found} of {all} seeds)"),
@@ -216,12 +188,13 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
             out += &format!("\n## {}\n", markdown(&row.map));
         }
         last = Some(&row.map);
-        let size = row.about.fingerprint().and_then(|facts| facts.split(", ").next());
+        let size = row.about.fingerprint.as_ref().and_then(|facts| facts.split(", ").next());
         let size = size.map_or(String::new(), |size| format!("{size}, "));
-        let cells = row.about.map.as_ref().map(|map| format!("{} free cells, ", map.free_cells));
-        let (cells, updates) = (cells.unwrap_or_default(), row.about.updates);
-        let label = markdown(&row.label(rows));
-        out += &format!("\n### {label}\n\n{size}{cells}{updates} updates.\n");
+        let updates = row.about.updates;
+        let label = markdown(&row.label);
+        let set: String = row.about.settings.iter().map(|set| format!(" {set}")).collect();
+        let (preset, set) = (row.about.preset.name(), markdown(&set));
+        out += &format!("\n### {label}\n\n{size}{updates} updates; preset {preset}{set}.\n");
         for result in &row.results {
             out += &format!("\n{}\n", section(result, folder));
         }
@@ -234,29 +207,12 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
 }
 
 fn about(rows: &[Row]) -> String {
-    let names = |name: &dyn Fn(&Row) -> String| {
-        let names: BTreeSet<String> = rows.iter().map(name).collect();
-        names.into_iter().collect::<Vec<_>>().join(", ")
-    };
-    let common = |set: &&String| rows.iter().all(|row| row.about.settings.contains(set));
-    let set = rows.first().map_or(&[][..], |row| &row.about.settings).iter().filter(common);
-    let set = set.map(String::as_str).collect::<Vec<_>>().join(" ");
-    let changed = if set.is_empty() { String::new() } else { format!(" with {set}") };
     let seeds = rows.iter().map(|row| row.jobs.len().max(row.results.len())).max().unwrap_or(0);
-    let starts_anywhere = |row: &Row| {
-        let given = row.about.settings.iter().find_map(|set| set.strip_prefix("restart="));
-        let preset = || row.about.preset.settings().train.restart == Restart::Anywhere;
-        given.map_or_else(preset, |restart| restart == "anywhere")
-    };
-    let anywhere =
-        if rows.iter().any(starts_anywhere) { "; with restart=anywhere, anywhere" } else { "" };
     format!(
-        "gdg-tui {}; methods: {}; presets: {}{changed}; {} each, on tasks at six distances. Agents \
-         start at the map's `S`; on a map without one, at one cell of its largest component that \
-         the seed draws, and nowhere else{anywhere}. In brackets: the worst seed.",
+        "gdg-tui {}; {} each, on tasks at six distances. Agents start at the map's `S`; on a map \
+         without one, at one cell of its largest component that the seed draws; with \
+         restart=anywhere, anywhere. In brackets: the worst seed.",
         env!("CARGO_PKG_VERSION"),
-        names(&|row| row.about.method.name()),
-        names(&|row| row.about.preset.name().to_owned()),
         counted(seeds as u64, "seed"),
     )
 }
@@ -266,15 +222,7 @@ fn section(result: &JobResult, folder: &Folder) -> String {
         |column: &Column| Some(format!("{} {}", column.title, column.format((column.of)(result)?)));
     let numbers = COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ");
     let (seed, seconds) = (result.seed, result.seconds);
-    let Some(map) = &result.map else { return format!("Seed {seed}: {numbers}; {seconds:.0} s.") };
+    let text = format!("Seed {seed}: {numbers}; {seconds:.0} s.");
     let (name, picture) = (markdown(&result.name), picture_name(&result.name));
-    let shown = if folder.path(&picture).is_file() {
-        format!("![{name}]({picture})")
-    } else {
-        let again = "delete the file of its result and run this again to draw it";
-        format!("({} is missing: {again}.)", markdown(&picture))
-    };
-    let starts: Vec<String> = map.starts.iter().map(|[x, y]| format!("({x}, {y})")).collect();
-    let (starts, drawn) = (starts.join(" "), if map.start_drawn { " (drawn)" } else { "" });
-    format!("{shown}\n\nSeed {seed}, start {starts}{drawn}: {numbers}; {seconds:.0} s.")
+    if folder.path(&picture).is_file() { format!("![{name}]({picture})\n\n{text}") } else { text }
 }

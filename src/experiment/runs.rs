@@ -1,7 +1,6 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
-mod join;
 mod reader;
 mod records;
 
@@ -25,7 +24,6 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-pub use join::join_resumed;
 pub use reader::{Found, Reader};
 
 /// Records that have not grown for this long are not of a running run.
@@ -42,7 +40,6 @@ const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of che
 pub struct SavedRun {
     pub source: PathBuf,
     pub kind: Kind,
-    /// When its file was written.
     pub written: Option<SystemTime>,
     /// What has become of it; unknown of records without an end.
     pub end: Option<State>,
@@ -60,7 +57,6 @@ pub struct SavedRun {
     /// The checkpoint that they go on from, if they say so.
     pub resumed: Option<PathBuf>,
     pub updates: u64,
-    /// Its evaluations, oldest first.
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
@@ -71,7 +67,6 @@ pub struct SavedRun {
     pub problem: Option<String>,
 }
 
-/// What a run was read from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -115,7 +110,7 @@ impl SavedRun {
             source,
             kind: Kind::Result,
             end: Some(State::Done),
-            fingerprint: result.fingerprint().map(str::to_owned),
+            fingerprint: result.fingerprint,
             map: result.world,
             method: result.method.name(),
             variant: result.variant,
@@ -198,7 +193,6 @@ impl SavedRun {
 /// A column of a list of runs, which is printed as a table or shown on the screen.
 pub struct Column {
     pub name: &'static str,
-    /// What it says about a run.
     pub cell: fn(&SavedRun) -> String,
     /// The number that runs are sorted by, instead of what the column says.
     pub number: Option<fn(&SavedRun) -> Option<f64>>,

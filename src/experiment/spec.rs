@@ -14,9 +14,8 @@ use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
 use gdg::text::safe_file_name;
-use gdg::train::{Evaluation, History, Method, Preset, Registry, Run, Trainer};
+use gdg::train::{Evaluation, History, Method, Moment, Preset, Registry, Run, Trainer};
 
-/// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
 /// Part of every key. Raise it with any change of what a run learns or measures, so that no folder
@@ -25,12 +24,8 @@ const RESULTS_VERSION: u32 = 3;
 
 #[derive(Clone, Debug)]
 pub enum JobWorld {
-    Maze {
-        /// The map, with a start.
-        map: Arc<Grid>,
-        /// Whether that start was drawn, as the map itself has none.
-        start_drawn: bool,
-    },
+    /// A map, with a start once a seed has drawn one.
+    Maze(Arc<Grid>),
     /// A world that needs no file, by the name that opens it.
     Named(String),
 }
@@ -38,8 +33,12 @@ pub enum JobWorld {
 impl JobWorld {
     /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
     pub fn maze(map: &Grid, seed: u64) -> Self {
-        let start_drawn = map.starts().is_empty();
-        Self::Maze { start_drawn, map: Arc::new(with_start(map.clone(), seed)) }
+        Self::Maze(Arc::new(with_start(map.clone(), seed)))
+    }
+
+    /// Returns it with a start drawn by `seed`, if it has a map without one.
+    pub fn with_start(&self, seed: u64) -> Self {
+        self.map().map_or_else(|| self.clone(), |map| Self::maze(map, seed))
     }
 
     /// Returns the world that `name` opens, if it opens one without a map.
@@ -55,21 +54,21 @@ impl JobWorld {
 
     pub fn name(&self) -> &str {
         match self {
-            Self::Maze { map, .. } => map.name(),
+            Self::Maze(map) => map.name(),
             Self::Named(name) => name,
         }
     }
 
     pub fn map(&self) -> Option<&Arc<Grid>> {
         match self {
-            Self::Maze { map, .. } => Some(map),
+            Self::Maze(map) => Some(map),
             Self::Named(_) => None,
         }
     }
 
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
-            Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
+            Self::Maze(map) => Ok(Box::new(PointMaze::new(map.clone(), 0))),
             Self::Named(name) => match registry.open(name) {
                 Some(opened) => opened.into_diagnostic(),
                 None => Err(miette!("{name}: this build has no such world")),
@@ -79,7 +78,7 @@ impl JobWorld {
 
     fn is(&self, world: &dyn Environment) -> bool {
         match self {
-            Self::Maze { map, .. } => PointMaze::downcast_ref(world)
+            Self::Maze(map) => PointMaze::downcast_ref(world)
                 .is_some_and(|maze| content(maze.map()) == content(map)),
             Self::Named(name) => match name.split_once(':') {
                 Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
@@ -96,7 +95,6 @@ fn content(map: &Grid) -> String {
     print_ascii(map) + &scale
 }
 
-/// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct JobSpec {
     /// The world's name, the label if any (method and variant), the seed and the beginning of the
@@ -112,7 +110,6 @@ pub struct JobSpec {
 }
 
 impl JobSpec {
-    /// Creates the job of `run` in `world`; `label` becomes part of its name.
     pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
         let content = world.map().map_or(String::new(), |map| content(map));
@@ -149,7 +146,7 @@ impl JobSpec {
             settings: changed.iter().map(|(name, value)| setting_text(name, value)).collect(),
             seed: self.run.seed,
             world: self.world.name().to_owned(),
-            map: MapFacts::of(&self.world),
+            fingerprint: self.world.map().map(|map| fingerprint(map)),
             updates: self.plan.length.amount(),
             seconds: 0.0,
             evaluations: Vec::new(),
@@ -176,15 +173,10 @@ pub fn setting_text(name: &str, value: &Value) -> String {
 
 pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
     let evaluation = |(i, (updates, evaluation)): (usize, &(u64, Evaluation))| {
-        let made = history.moment(i);
-        EvaluationAt {
-            updates: *updates,
-            env_steps: made.map(|made| made.env_steps),
-            seconds: made.map(|made| made.seconds),
-            evaluation: evaluation.clone(),
-        }
+        let Moment { env_steps, seconds, .. } = history.moment(i)?;
+        Some(EvaluationAt { updates: *updates, env_steps, seconds, evaluation: evaluation.clone() })
     };
-    history.evaluations().iter().enumerate().map(evaluation).collect()
+    history.evaluations().iter().enumerate().filter_map(evaluation).collect()
 }
 
 /// A finished job, as stored in its JSON file.
@@ -197,68 +189,35 @@ pub struct JobResult {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variant: Option<String>,
     pub preset: Preset,
-    /// Settings that differ from the preset's, as `--set` takes them.
     pub settings: Vec<String>,
     pub seed: u64,
     /// Name of the map, or of the world if it has none.
     #[serde(rename = "map")]
     pub world: String,
-    #[serde(flatten)]
-    pub map: Option<MapFacts>,
+    /// What tells the map apart from others of its name; the first part is its size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprint: Option<String>,
     pub updates: u64,
     /// Training time, without evaluation.
     pub seconds: f64,
-    /// Oldest first.
     pub evaluations: Vec<EvaluationAt>,
     /// Further measurements at the end, if the job's plan asks for any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MapFacts {
-    pub free_cells: usize,
-    /// Column and row of each start.
-    pub starts: Vec<[usize; 2]>,
-    /// Whether the start was drawn, as the map itself has none.
-    pub start_drawn: bool,
-    /// What tells the map apart from others of its name; the first part is its size.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fingerprint: Option<String>,
-}
-
-impl MapFacts {
-    fn of(world: &JobWorld) -> Option<Self> {
-        let JobWorld::Maze { map, start_drawn } = world else { return None };
-        Some(Self {
-            free_cells: map.free_count(),
-            starts: map.starts().iter().map(|start| [start.x, start.y]).collect(),
-            start_drawn: *start_drawn,
-            fingerprint: Some(fingerprint(map)),
-        })
-    }
-}
-
-/// An evaluation after a number of updates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EvaluationAt {
     pub updates: u64,
-    /// Environment steps before it, summed over all agents; older records do not have it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub env_steps: Option<u64>,
-    /// Training time before it; older records do not have it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seconds: Option<f64>,
+    /// Environment steps before it, summed over all agents.
+    pub env_steps: u64,
+    /// Training time before it.
+    pub seconds: f64,
     #[serde(flatten)]
     pub evaluation: Evaluation,
 }
 
 impl JobResult {
-    /// Returns what tells its map apart from others of its name, if that is known.
-    pub fn fingerprint(&self) -> Option<&str> {
-        self.map.as_ref()?.fingerprint.as_deref()
-    }
-
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)
     }
@@ -298,55 +257,49 @@ mod tests {
     use super::*;
     use gdg::map::parse_map;
 
-    fn run(seed: u64) -> Run {
-        let (method, settings) = (Method::default(), Preset::Default.settings());
-        Run { method, preset: Preset::Default, seed, settings }
-    }
-
-    fn job(map: &str, run: Run, plan: Plan) -> JobSpec {
-        let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
-        JobSpec::new(JobWorld::maze(&map, run.seed), "gdg", run, plan).expect("a job")
-    }
-
     #[test]
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
-        let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
-        let one = job("...\n", run(1), plan.clone());
+        let job = |map: &str, seed, change: fn(&mut Run, &mut Plan)| {
+            let (method, settings) = (Method::default(), Preset::Default.settings());
+            let mut run = Run { method, preset: Preset::Default, seed, settings };
+            let mut plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
+            change(&mut run, &mut plan);
+            let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
+            JobSpec::new(JobWorld::maze(&map, seed), "gdg", run, plan).expect("a job")
+        };
+        let one = job("...\n", 1, |_, _| {});
         assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
-        let facts = one.open_result().map.expect("a map");
-        assert!(facts.start_drawn && facts.starts.len() == 1);
-        assert_eq!(job("...\n", run(1), plan.clone()).key, one.key);
-        let mut other = run(1);
-        other.settings.learn.hidden = 17;
-        let changed = job("...\n", other, plan.clone());
+        assert_eq!(job("...\n", 1, |_, _| {}).key, one.key);
+        let changed = job("...\n", 1, |run, _| run.settings.learn.hidden = 17);
         assert_eq!(changed.open_result().settings, ["hidden=17"]);
-        let plans = [
-            Plan::suite(100, 2),
-            Plan { length: Length::Updates(101), ..plan.clone() },
-            Plan { length: Length::Episodes(100), ..plan.clone() },
-            Plan { walks: vec![90], ..plan.clone() },
-            Plan { last_tasks: 3, ..plan.clone() },
-        ];
-        let others = plans.map(|plan| job("...\n", run(1), plan)).into_iter().chain([
+        let others = [
             changed,
-            job("..#\n", run(1), plan.clone()),
-            job("...\n", run(2), plan),
-        ]);
-        others.for_each(|other| assert_ne!(other.key, one.key));
+            job("..#\n", 1, |_, _| {}),
+            job("...\n", 2, |_, _| {}),
+            job("...\n", 1, |_, plan| plan.length = Length::Updates(101)),
+            job("...\n", 1, |_, plan| plan.length = Length::Episodes(100)),
+            job("...\n", 1, |_, plan| plan.walks = vec![90]),
+            job("...\n", 1, |_, plan| plan.last_tasks = 3),
+            job("...\n", 1, |_, plan| plan.max_steps = None),
+        ];
+        assert!(others.iter().all(|other| other.key != one.key));
     }
 
     #[test]
     fn equal_names_of_different_worlds_get_the_first_fact_that_tells_all_apart() {
-        let named = |worlds: &[(&str, &str)]| {
-            let known = |(name, own)| (name, Some(own).filter(|own: &&str| !own.is_empty()));
-            told_apart(&worlds.iter().copied().map(known).collect::<Vec<_>>()).join("; ")
-        };
-        let (small, wide) = (("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b"));
-        assert_eq!(named(&[small, ("city", "9 x 9, radius 1, c"), small]), "hall; city; hall");
-        assert_eq!(named(&[small, ("hall", "")]), "hall; hall", "older records");
-        assert_eq!(named(&[small, wide]), "hall (radius 1); hall (radius 2)");
+        let [small, wide] = [("hall", "4 x 2, radius 1, a"), ("hall", "4 x 2, radius 2, b")];
         let large = ("hall", "9 x 9, radius 1, d");
-        assert_eq!(named(&[small, large]), "hall (4 x 2); hall (9 x 9)");
-        assert_eq!(named(&[small, wide, large]), "hall (a); hall (b); hall (d)");
+        for (worlds, expected) in [
+            (&[small, ("city", "9 x 9, radius 1, c"), small][..], "hall; city; hall"),
+            // Older records do not have them.
+            (&[small, ("hall", "")], "hall; hall"),
+            (&[small, wide], "hall (radius 1); hall (radius 2)"),
+            (&[small, large], "hall (4 x 2); hall (9 x 9)"),
+            (&[small, wide, large], "hall (a); hall (b); hall (d)"),
+        ] {
+            let known =
+                worlds.iter().map(|(name, own)| (*name, Some(*own).filter(|own| !own.is_empty())));
+            assert_eq!(told_apart(&known.collect::<Vec<_>>()).join("; "), expected);
+        }
     }
 }

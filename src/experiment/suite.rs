@@ -23,7 +23,6 @@ use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
 use gdg::map::{Grid, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
-use gdg::text::counted;
 use gdg::train::{METHODS, Method, Registry};
 
 const EXAMPLES: &str = "\
@@ -40,10 +39,9 @@ Examples:
 gdg-tui plot draws the curves of the methods and variants.
 
 Exit status: 0 success; 1 a job failed (the others run), or --collect found jobs missing; 2 bad \
-usage or input; 3 --require-success not reached; 128 + its number after a signal, as 130 after \
+usage or input; 128 + its number after a signal, as 130 after \
 Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
-/// What to train, and how to report it.
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct Options {
@@ -104,16 +102,13 @@ pub struct Options {
 /// Default budgets: maximum number of free cells, and updates.
 const BUDGETS: [(usize, u64); 2] = [(6_000, 60_000), (50_000, 200_000)];
 
-/// Default updates on larger maps.
 const LARGEST_BUDGET: u64 = 600_000;
 
-/// A suite, ready to run.
 pub struct Suite<'a> {
     jobs: Jobs<'a>,
     markdown: bool,
 }
 
-/// Reads all maps and checks all arguments.
 pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (base, set) = (options.base.clone(), options.set.clone());
     let run = RunChoice { method: Method::default(), base, set };
@@ -128,59 +123,44 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
     let reading = Reading::from(&options.reading);
     for given in &options.maps {
         for world in worlds(given, &reading, registry)? {
-            let updates = options.budget.unwrap_or(world.budget());
+            let (usual_updates, opened_by) = match world.map() {
+                Some(map) => (usual_updates(map), maze::KIND.name),
+                None => (BUDGETS[0].1, world.name()),
+            };
+            let updates = options.budget.unwrap_or(usual_updates);
             for variant in &variants {
                 for seed in 1..=options.seeds {
-                    let run = setup::run(&variant.run, world.opened_by(), registry, seed)?;
+                    let run = setup::run(&variant.run, Path::new(opened_by), registry, seed)?;
                     let plan = Plan::suite(updates, options.eval_tasks);
                     let job = JobSpec::new(world.with_start(seed), &variant.label, run, plan)?;
                     jobs.push(JobSpec { variant: variant.name.clone(), ..job });
-                    usual.push(world.budget());
+                    usual.push(usual_updates);
                 }
             }
         }
     }
     warn_if_short(jobs.iter().zip(usual));
-    let jobs = Jobs::new(jobs, &options.running, "suite", registry)?;
+    let jobs = Jobs::new("suite", jobs, &options.running, registry)?;
     Ok(Suite { jobs, markdown: options.markdown })
 }
 
-/// What is trained on, before seeds draw starts.
-enum World {
-    Map(Grid),
-    Named(String),
-}
-
-impl World {
-    fn budget(&self) -> u64 {
-        let free = if let Self::Map(map) = self { map.free_count() } else { 0 };
-        let fitting = BUDGETS.iter().find(|(cells, _)| free <= *cells);
-        fitting.map_or(LARGEST_BUDGET, |(_, updates)| *updates)
-    }
-
-    /// Returns the name that determines which settings differ from the preset's.
-    fn opened_by(&self) -> &Path {
-        Path::new(if let Self::Named(name) = self { &**name } else { maze::KIND.name })
-    }
-
-    fn with_start(&self, seed: u64) -> JobWorld {
-        match self {
-            Self::Map(map) => JobWorld::maze(map, seed),
-            Self::Named(name) => JobWorld::Named(name.clone()),
-        }
-    }
+/// Returns the updates that suites train for on a map.
+fn usual_updates(map: &Grid) -> u64 {
+    let fitting = BUDGETS.iter().find(|(cells, _)| map.free_count() <= *cells);
+    fitting.map_or(LARGEST_BUDGET, |(_, updates)| *updates)
 }
 
 /// Returns the world, the built-in map or the map file called `name`, or all `.map` files of that
 /// folder, sorted by name; all `.txt` files if it has none. Hidden files are left out.
-fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<World>, Report> {
-    if let Some(JobWorld::Named(name)) = name.to_str().and_then(|n| JobWorld::named(n, registry)) {
-        return Ok(vec![World::Named(name)]);
+fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<JobWorld>, Report> {
+    if let Some(world) = name.to_str().and_then(|name| JobWorld::named(name, registry)) {
+        return Ok(vec![world]);
     }
+    let maze = |map: Grid| JobWorld::Maze(Arc::new(map));
     if !name.is_dir() || name.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(name, reading, registry)?;
         warn(&map);
-        return Ok(vec![World::Map(map)]);
+        return Ok(vec![maze(map)]);
     }
     let folder = name.display();
     let entries = std::fs::read_dir(name).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
@@ -194,12 +174,6 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Wor
     };
     // Text files beside maps are likely to describe them.
     let (maps, texts) = (ending("map"), ending("txt"));
-    if !maps.is_empty() && !texts.is_empty() {
-        let left_out = counted(texts.len() as u64, ".txt file");
-        eprint_line(&format!(
-            "{folder}: {left_out} left out, as there are .map files: name those that are maps"
-        ));
-    }
     let mut files = if maps.is_empty() { texts } else { maps };
     files.sort();
     if files.is_empty() {
@@ -215,11 +189,10 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Wor
     let loaded = files.iter().enumerate().map(load).collect::<Result<Vec<_>, Report>>()?;
     drop(working);
     loaded.iter().flat_map(|(warnings, _)| warnings).for_each(|warning| eprint_line(warning));
-    Ok(loaded.into_iter().map(|(_, map)| World::Map(map)).collect())
+    Ok(loaded.into_iter().map(|(_, map)| maze(map)).collect())
 }
 
 impl Suite<'_> {
-    /// Runs the jobs, prints the table and writes the report; returns the exit status.
     pub fn run(&self) -> Result<u8, Report> {
         let folder = &self.jobs.folder;
         self.jobs.run(|_| {
@@ -247,7 +220,7 @@ impl Suite<'_> {
             return Ok(None);
         }
         let by = vec![By::Method, By::Setting];
-        let options = plot::Options { by, whole: true, width: PAGE, ..plot::Options::default() };
+        let options = plot::Options { by, width: PAGE, ..plot::Options::default() };
         let Drawn { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
         folder.write(CURVES, &Format::Svg.encode(&sheet)?)?;

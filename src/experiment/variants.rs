@@ -9,7 +9,6 @@ use crate::host::setup::{Base, RunChoice, split_prefix};
 use gdg::settings::Ablation as Without;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
-/// A method with settings of its own.
 pub struct Variant {
     pub name: Option<String>,
     /// What names of jobs say of it.
@@ -25,7 +24,6 @@ pub enum Ablation {
     Ladder,
 }
 
-/// The default's method.
 const METHOD: &str = METHODS[0].name;
 
 /// Two settings of the default changed at once, besides those whose entry has an ablation.
@@ -78,8 +76,7 @@ fn label(method: &str, name: Option<&str>, swept: &[String]) -> String {
 }
 
 /// Returns every method as it is and with the settings of each variant that `set`,
-/// `[NAME:]SETTING=VALUE`, names; with `sweeps`, `NAME=VALUE,VALUE`, all combinations of their
-/// values instead.
+/// `[NAME:]SETTING=VALUE`, names; with every value of every sweep instead, if there are any.
 pub fn variants(
     methods: &[Method],
     base: &RunChoice,
@@ -129,7 +126,6 @@ fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
     Ok(())
 }
 
-/// Returns all combinations of the values of sweeps; without sweeps, one that changes nothing.
 fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
     let mut all = vec![Vec::new()];
     for sweep in sweeps {
@@ -192,8 +188,8 @@ mod tests {
     use super::*;
     use gdg::train::{Overrides, TrainSettings, settings_from};
 
-    fn base(set: &[&str]) -> RunChoice {
-        let set = set.iter().map(|text| (*text).to_owned()).collect();
+    fn base(set: &str) -> RunChoice {
+        let set = vec![set.to_owned()];
         RunChoice { method: Method::default(), base: Base::default(), set }
     }
 
@@ -205,7 +201,8 @@ mod tests {
 
     #[test]
     fn the_ladder_climbs_from_the_preset_paper_to_the_default() {
-        let ladder = Ablation::Ladder.variants(&base(&[]));
+        let none = RunChoice { set: Vec::new(), ..base("") };
+        let ladder = Ablation::Ladder.variants(&none);
         let first = Settings {
             train: TrainSettings { env_noise: 0.0, ..TrainSettings::of(Preset::Paper) },
             ..Preset::Paper.settings()
@@ -214,7 +211,7 @@ mod tests {
         assert_eq!(settings(&ladder[ladder.len() - 1]), Settings::default());
         assert!(ladder.windows(2).all(|rungs| settings(&rungs[0]) != settings(&rungs[1])));
         assert_eq!(ladder[4].label, "gdg-bridge-grid-encoding");
-        let components = Ablation::Components.variants(&base(&["hidden=16"]));
+        let components = Ablation::Components.variants(&base("hidden=16"));
         assert!(components.iter().all(|variant| settings(variant).learn.hidden == 16));
     }
 
@@ -222,22 +219,27 @@ mod tests {
     fn sweeps_are_all_combinations_and_nothing_else() {
         let of = |sweeps: &[&str]| {
             let sweeps: Vec<String> = sweeps.iter().map(|text| (*text).to_owned()).collect();
-            let all = variants(&[Method::default()], &base(&["tau=0.1"]), &sweeps);
+            let all = variants(&[Method::default()], &base("tau=0.1"), &sweeps);
             let all = all.map_err(|error| error.to_string())?;
-            assert!(all.iter().all(|variant| variant.label.starts_with("gdg-bridge")));
-            Ok::<_, String>(all.iter().map(|variant| variant.run.set.join(" ")).collect::<Vec<_>>())
+            Ok::<_, String>(
+                all.iter().map(|variant| variant.run.set[1..].join(" ")).collect::<Vec<_>>(),
+            )
         };
-        assert_eq!(of(&[]), Ok(vec!["tau=0.1".to_owned()]));
-        assert_eq!(
-            of(&["hidden=32,64", "grid_cells=[4,2],[]"]).expect("settings"),
-            [
-                "tau=0.1 hidden=32 grid_cells=[4,2]",
-                "tau=0.1 hidden=32 grid_cells=[]",
-                "tau=0.1 hidden=64 grid_cells=[4,2]",
-                "tau=0.1 hidden=64 grid_cells=[]"
-            ]
-        );
-        assert_eq!(of(&["loss=sqrt, mse"]).expect("settings").len(), 2);
+        for (sweeps, expected) in [
+            (&[][..], &[""][..]),
+            (
+                &["hidden=32,64", "grid_cells=[4,2],[]"],
+                &[
+                    "hidden=32 grid_cells=[4,2]",
+                    "hidden=32 grid_cells=[]",
+                    "hidden=64 grid_cells=[4,2]",
+                    "hidden=64 grid_cells=[]",
+                ],
+            ),
+            (&["loss=sqrt, mse"], &["loss=sqrt", "loss=mse"]),
+        ] {
+            assert_eq!(of(sweeps).expect("settings"), expected);
+        }
         assert!(of(&["hidden"]).is_err_and(|error| error.contains("not SETTING=VALUE")));
     }
 }

@@ -1,7 +1,7 @@
 //! Charts of curves: means over seeds with their bands, all over the same range.
 
 use super::sheet::{Anchor, Mark, Sheet, Text, circle, fitted, text_width};
-use gdg::draw::{Rgb, contrast};
+use gdg::draw::Rgb;
 
 /// Size of letters: of ticks and labels, of charts' titles, and of the page's.
 const LETTERS: f32 = 7.0;
@@ -30,9 +30,6 @@ const MARGIN: f32 = 5.0;
 /// others.
 const FLAT: f32 = 0.4;
 const SHAPE: f32 = 0.62;
-
-/// Names are beside the curves if they take at most this share of a chart's width.
-const NAMES_SHARE: f32 = 0.34;
 
 /// Length of the line in front of a name above the charts.
 const SAMPLE: f32 = 14.0;
@@ -66,16 +63,9 @@ pub struct Chart {
     pub title: String,
     pub labels: [String; 2],
     pub x: [f64; 2],
-    pub y: Range,
+    /// The upper end of the vertical axis, which begins at 0.
+    pub top: f64,
     pub curves: Vec<Curve>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
-    pub low: f64,
-    pub high: f64,
-    /// Whether equal distances are equal ratios.
-    pub log: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -96,7 +86,6 @@ pub struct Point {
     pub high: f64,
 }
 
-/// Charts on a page.
 #[derive(Clone, Debug)]
 pub struct Page<'a> {
     /// What they show, for the file's metadata.
@@ -105,7 +94,6 @@ pub struct Page<'a> {
     pub has_heading: bool,
     pub charts: &'a [Chart],
     pub width: f32,
-    /// Charts side by side.
     pub columns: usize,
 }
 
@@ -115,49 +103,14 @@ impl Point {
     }
 }
 
-impl Range {
-    /// Shares, from 0 to 1.
-    pub const SHARE: Self = Self { low: 0.0, high: 1.0, log: false };
-
-    /// Returns the range from 0 to the highest of `values`.
-    pub fn from_zero(values: impl Iterator<Item = f64>) -> Self {
-        let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
-        let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
-        let step = if let [first, second, ..] = step[..] { second - first } else { 1.0 };
-        Self { low: 0.0, high: (high / step).ceil().max(1.0) * step, log: false }
-    }
-
-    /// Returns the range of `values` if they are positive and differ by a factor of twenty or more,
-    /// and otherwise one from 0.
-    pub fn of_errors(values: impl Iterator<Item = f64> + Clone) -> Self {
-        let known = values.clone().filter(|value| value.is_finite());
-        let (low, high) = known.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), value| {
-            (low.min(value), high.max(value))
-        });
-        if low > 0.0 && high >= 20.0 * low {
-            let (low, high) = (outwards(low, false), outwards(high, true));
-            return Self { low, high, log: true };
-        }
-        Self::from_zero(values)
-    }
-
-    /// Returns the place of a value, from 0 at the lower end to 1 at the upper end.
-    fn share(&self, value: f64) -> f64 {
-        let on = |value: f64| if self.log { value.max(f64::MIN_POSITIVE).ln() } else { value };
-        let (low, high) = (on(self.low), on(self.high));
-        ((on(value) - low) / (high - low)).clamp(0.0, 1.0)
-    }
-
-    fn ticks(&self) -> Vec<f64> {
-        if self.log {
-            logarithmic_ticks(self.low, self.high)
-        } else {
-            round_ticks(self.low, self.high, 6)
-        }
-    }
+/// Returns the upper end of an axis from 0 on which all values are.
+pub fn round_top(values: impl Iterator<Item = f64>) -> f64 {
+    let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
+    let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
+    let step = if let [first, second, ..] = step[..] { second - first } else { 1.0 };
+    (high / step).ceil().max(1.0) * step
 }
 
-/// A rectangle: left, top, right and bottom.
 #[derive(Clone, Copy)]
 struct Area {
     left: f32,
@@ -166,7 +119,6 @@ struct Area {
     bottom: f32,
 }
 
-/// A chart at its place.
 struct Placed<'a> {
     chart: &'a Chart,
     area: Area,
@@ -176,9 +128,12 @@ impl Page<'_> {
     pub fn draw(&self) -> Sheet {
         let columns = self.columns.clamp(1, self.charts.len().max(1));
         let column = (self.width - MARGIN * (columns as f32 + 1.0)) / columns as f32;
-        let names = self.names();
-        let widest = names.iter().map(|curve| text_width(&curve.name, LETTERS)).fold(0.0, f32::max);
-        let beside = columns == 1 && widest <= NAMES_SHARE * column;
+        let mut names: Vec<&Curve> = Vec::new();
+        for curve in self.charts.iter().flat_map(|chart| &chart.curves) {
+            if names.iter().all(|known| known.name != curve.name) {
+                names.push(curve);
+            }
+        }
         let mut sheet =
             Sheet { size: [self.width, 0.0], title: self.title.to_owned(), marks: Vec::new() };
         let mut top = MARGIN;
@@ -187,13 +142,13 @@ impl Page<'_> {
             sheet.text([MARGIN, top + HEADING], self.title, size, Anchor::Start, INK);
             top += 2.0 * HEADING;
         }
-        if !beside && !names.is_empty() {
+        if !names.is_empty() {
             top = legend(&mut sheet, &names, top);
         }
-        let ticks = self.charts.iter().flat_map(|chart| tick_labels(&chart.y.ticks()));
+        let ticks =
+            self.charts.iter().flat_map(|chart| tick_labels(&round_ticks(0.0, chart.top, 6)));
         let ticks = ticks.map(|text| text_width(&text, LETTERS)).fold(0.0, f32::max);
         let left = LETTERS * 1.3 + GAP + ticks + GAP + TICK;
-        let right = if beside { widest + 6.0 } else { 6.0 };
         let (below, labelled) = (TICK + GAP + LETTERS, LETTERS * 1.4);
         let shape = if columns == 1 && self.charts.len() > 1 { FLAT } else { SHAPE };
         for (row, charts) in self.charts.chunks(columns).enumerate() {
@@ -204,31 +159,18 @@ impl Page<'_> {
             let bottom = top + shape * (column - left).max(20.0);
             for (i, chart) in charts.iter().enumerate() {
                 let start = MARGIN + i as f32 * (column + MARGIN);
-                let (from, to) = (start + left, start + column - right);
+                let (from, to) = (start + left, start + column - MARGIN);
                 let placed = Placed { chart, area: Area { left: from, top, right: to, bottom } };
                 let is_lowest = (row + 1) * columns + i >= self.charts.len();
                 // A label is not repeated along a row.
                 let is_new = i == 0 || chart.labels[1] != charts[i - 1].labels[1];
                 placed.axes(&mut sheet, start, [is_lowest, is_new]);
                 placed.curves(&mut sheet);
-                if beside {
-                    placed.names(&mut sheet);
-                }
             }
             top = bottom + below + if is_last { labelled } else { MARGIN };
         }
         sheet.size[1] = top + MARGIN;
         sheet
-    }
-
-    fn names(&self) -> Vec<&Curve> {
-        let mut names: Vec<&Curve> = Vec::new();
-        for curve in self.charts.iter().flat_map(|chart| &chart.curves) {
-            if names.iter().all(|known| known.name != curve.name) {
-                names.push(curve);
-            }
-        }
-        names
     }
 }
 
@@ -260,21 +202,11 @@ fn marker(number: usize, [x, y]: [f32; 2]) -> Vec<[f32; 2]> {
     }
 }
 
-/// Returns `colour`, darkened until text in it is easy to read on white (a contrast of 4.5).
-fn dark(colour: Rgb) -> Rgb {
-    let mut found = colour;
-    while contrast(found, (255, 255, 255)) < 4.5 {
-        let darker = |part: u8| (f32::from(part) * 0.95) as u8;
-        found = (darker(found.0), darker(found.1), darker(found.2));
-    }
-    found
-}
-
 impl Placed<'_> {
     fn at(&self, x: f64, y: f64) -> [f32; 2] {
         let (Area { left, top, right, bottom }, [from, to]) = (self.area, self.chart.x);
         let along = if to > from { ((x - from) / (to - from)) as f32 } else { 0.5 };
-        let up = self.chart.y.share(y) as f32;
+        let up = (y / self.chart.top).clamp(0.0, 1.0) as f32;
         [left + along * (right - left), bottom - up * (bottom - top)]
     }
 
@@ -283,7 +215,7 @@ impl Placed<'_> {
     fn axes(&self, sheet: &mut Sheet, start: f32, labelled: [bool; 2]) {
         let (Area { left, top, right, bottom }, chart) = (self.area, self.chart);
         sheet.text([left, top - 0.6 * TITLE], &chart.title, TITLE, Anchor::Start, INK);
-        let ticks = chart.y.ticks();
+        let ticks = round_ticks(0.0, chart.top, 6);
         for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
             let [_, y] = self.at(chart.x[0], *value);
             sheet.line(vec![[left, y], [right, y]], GRID, GRID_INK);
@@ -294,7 +226,7 @@ impl Placed<'_> {
         let most = ((right - left) / TICKS_APART) as usize;
         let ticks = round_ticks(chart.x[0], chart.x[1], most);
         for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
-            let [x, _] = self.at(*value, chart.y.low);
+            let [x, _] = self.at(*value, 0.0);
             sheet.line(vec![[x, bottom], [x, bottom + TICK]], AXIS, INK);
             let place = [x, bottom + TICK + GAP + 0.75 * LETTERS];
             sheet.text(place, &label, LETTERS, Anchor::Middle, INK);
@@ -313,7 +245,6 @@ impl Placed<'_> {
         }
     }
 
-    /// Draws bands, curves and markers, the first curve on top.
     fn curves(&self, sheet: &mut Sheet) {
         for Curve { colour, points, .. } in self.chart.curves.iter().rev() {
             if points.iter().any(|point| point.low < point.high) {
@@ -332,53 +263,6 @@ impl Placed<'_> {
             markers.into_iter().for_each(|corners| sheet.area(corners, curve.colour));
         }
     }
-
-    fn names(&self, sheet: &mut Sheet) {
-        let Area { top, right, bottom, .. } = self.area;
-        let ends: Vec<(&Curve, [f32; 2])> = (self.chart.curves.iter())
-            .filter_map(|curve| Some((curve, curve.points.last()?)))
-            .map(|(curve, last)| (curve, self.at(last.x, last.mean)))
-            .collect();
-        let wanted: Vec<f32> = ends.iter().map(|(_, [_, y])| *y).collect();
-        let places = spread(&wanted, 1.2 * LETTERS, top, bottom);
-        for ((curve, [x, y]), place) in ends.into_iter().zip(places) {
-            if (place - y).abs() > 1.0 || right - x > 2.0 * RADIUS {
-                let from = x + 1.2 * RADIUS;
-                sheet.line(vec![[from, y], [right + 5.0, place]], GRID, curve.colour);
-            }
-            let at = [right + 6.0, place + 0.36 * LETTERS];
-            sheet.text(at, &curve.name, LETTERS, Anchor::Start, dark(curve.colour));
-        }
-    }
-}
-
-/// Returns the place of each label: as close as possible to where it is `wanted`, at least `gap`
-/// from the others, and between `low` and `high` if they fit.
-fn spread(wanted: &[f32], gap: f32, low: f32, high: f32) -> Vec<f32> {
-    let mut order: Vec<usize> = (0..wanted.len()).collect();
-    order.sort_by(|a, b| wanted[*a].total_cmp(&wanted[*b]));
-    // Groups of labels that touch: the place of the first, and their number.
-    let mut groups: Vec<(f32, usize)> = Vec::new();
-    for i in &order {
-        groups.push((wanted[*i].clamp(low, high.max(low)), 1));
-        while let [.., (upper, above), (lower, below)] = groups[..]
-            && upper + above as f32 * gap > lower
-        {
-            // The first label of both, where their places differ least from those wanted.
-            let (a, b) = (above as f32, below as f32);
-            let first = (a * upper + b * (lower - a * gap)) / (a + b);
-            groups.pop();
-            groups.pop();
-            let end = first + (a + b - 1.0) * gap;
-            let shift = (high - end).min(0.0);
-            groups.push(((first + shift).max(low), above + below));
-        }
-    }
-    let places =
-        groups.iter().flat_map(|(first, count)| (0..*count).map(move |i| first + i as f32 * gap));
-    let mut found = vec![0.0; wanted.len()];
-    order.iter().zip(places).for_each(|(i, place)| found[*i] = place);
-    found
 }
 
 /// Returns the multiples of 1, 2 or 5 times a power of ten from `low` to `high`: as many as
@@ -397,40 +281,10 @@ fn round_ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     all.into_iter().find(|ticks| ticks.len() <= most.max(2)).unwrap_or_else(|| vec![low, high])
 }
 
-/// Returns the powers of ten from `low` to `high`; where that is fewer than three, their multiples
-/// by 2 and 5 too.
-fn logarithmic_ticks(low: f64, high: f64) -> Vec<f64> {
-    let (from, to) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    let within = |factors: &'static [f64]| {
-        let all =
-            (from..=to).flat_map(|power| factors.iter().map(move |by| by * 10f64.powi(power)));
-        all.filter(|tick| (low * 0.999..=high * 1.001).contains(tick)).collect::<Vec<_>>()
-    };
-    let powers = within(&[1.0]);
-    if powers.len() < 3 { within(&[1.0, 2.0, 5.0]) } else { powers }
-}
-
-/// Returns `value` and its neighbour towards `up` or down among 1, 2 and 5 times powers of ten.
-fn outwards(value: f64, up: bool) -> f64 {
-    let power = 10f64.powf(value.log10().floor());
-    let steps = [1.0, 2.0, 5.0, 10.0].map(|by| by * power);
-    let found = if up {
-        steps.into_iter().find(|step| *step >= value * 0.999)
-    } else {
-        steps.into_iter().rfind(|step| *step <= value * 1.001)
-    };
-    found.unwrap_or(value)
-}
-
-/// Writes the ticks of one axis, all in the same unit.
+/// Writes the ticks of one axis, all in the same unit: 40k, 0.2.
 fn tick_labels(ticks: &[f64]) -> Vec<String> {
     let largest = ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.abs()));
     ticks.iter().map(|tick| in_unit_of(*tick, largest)).collect()
-}
-
-/// Writes a number on an axis: 40k, 0.2.
-pub fn tick(value: f64) -> String {
-    in_unit_of(value, value.abs())
 }
 
 fn in_unit_of(value: f64, largest: f64) -> String {
@@ -448,18 +302,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn labels_keep_apart_and_within_bounds() {
-        assert_eq!(spread(&[10.0, 50.0], 8.0, 0.0, 100.0), [10.0, 50.0], "they do not touch");
-        assert_eq!(spread(&[50.0, 50.0], 8.0, 0.0, 100.0), [46.0, 54.0]);
-        let all = spread(&[0.0, 1.0, 0.0, 99.0, 100.0], 10.0, 0.0, 100.0);
-        let mut sorted = all.clone();
-        sorted.sort_by(f32::total_cmp);
-        assert!(sorted.windows(2).all(|pair| pair[1] - pair[0] > 9.99), "{all:?}");
-        assert!(sorted[0] >= 0.0 && sorted[4] <= 100.0, "{all:?}");
-        assert!(all[0] < all[1] && all[3] < all[4], "in the order of the curves: {all:?}");
-    }
-
-    #[test]
     fn ticks_are_round_and_few() {
         assert_eq!(tick_labels(&round_ticks(0.0, 1.0, 6)), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
         assert_eq!(tick_labels(&round_ticks(0.0, 58_731.0, 4)), ["0", "20k", "40k"]);
@@ -469,22 +311,13 @@ mod tests {
         );
         assert_eq!(tick_labels(&round_ticks(0.0, 0.031, 4)), ["0", "0.01", "0.02", "0.03"]);
         assert_eq!(round_ticks(5.0, 5.0, 4), [5.0]);
+        assert_eq!(
+            [0.2, 40.0, 40_000.0, 2e6].map(|value| in_unit_of(value, value)),
+            ["0.2", "40", "40k", "2M"]
+        );
         for high in [0.007, 1.0, 9.99, 123.0, 1e7] {
             let ticks = round_ticks(0.0, high, 5);
             assert!((2..=5).contains(&ticks.len()), "{high}: {ticks:?}");
         }
-    }
-
-    #[test]
-    fn logarithmic_ticks_are_powers_of_ten_or_finer() {
-        assert_eq!(tick_labels(&logarithmic_ticks(0.01, 10.0)), ["0.01", "0.1", "1", "10"]);
-        assert_eq!(tick_labels(&logarithmic_ticks(0.05, 0.6)), ["0.05", "0.1", "0.2", "0.5"]);
-        assert_eq!([outwards(0.037, false), outwards(0.037, true)], [0.02, 0.05]);
-        assert_eq!([outwards(1.0, false), outwards(1.0, true)], [1.0, 1.0]);
-    }
-
-    #[test]
-    fn numbers_are_short() {
-        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
     }
 }

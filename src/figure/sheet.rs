@@ -1,12 +1,28 @@
-//! What is drawn on a page, in order, and the widths and outlines of its text in DejaVu Sans.
+//! What is drawn on a page, in order, with text in DejaVu Sans; and the page as a file: as SVG, where
+//! text stays text, so that it can be edited and searched; as pixels; and as PDF, with letters as
+//! outlines, as publishers ask that fonts are embedded.
 
-use std::collections::BTreeSet;
+use std::io::Write;
 use std::sync::LazyLock;
 
-use tiny_skia::{Path, PathBuilder};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use miette::{IntoDiagnostic, Report, miette};
+use pdf_writer::types::{LineCapStyle, LineJoinStyle};
+use pdf_writer::{Content, Filter, Finish, Name, Pdf, Rect, Ref, TextStr};
+use svg::Document;
+use svg::node::Comment;
+use svg::node::element::{Group, Image, Polygon, Polyline, Rectangle, Text as Letters, Title};
+use tiny_skia::{
+    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, PathSegment,
+    Pixmap, PixmapPaint, PremultipliedColorU8, Stroke, Transform,
+};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
-use gdg::draw::{Picture, Rgb};
+use gdg::draw::{Picture, Rgb, hex};
+use gdg::text::sanitized;
 
 #[derive(Clone, Debug)]
 pub struct Sheet {
@@ -24,7 +40,6 @@ pub enum Mark {
         width: f32,
         colour: Rgb,
     },
-    /// A filled polygon.
     Area {
         points: Vec<[f32; 2]>,
         colour: Rgb,
@@ -33,7 +48,6 @@ pub enum Mark {
     },
     Text(Text),
     Picture {
-        /// Upper left corner.
         at: [f32; 2],
         size: [f32; 2],
         picture: Picture,
@@ -49,7 +63,6 @@ pub struct Text {
     pub colour: Rgb,
     /// Which part of the text is at that point.
     pub anchor: Anchor,
-    /// Whether it runs upwards.
     pub turned: bool,
 }
 
@@ -78,7 +91,6 @@ impl Sheet {
         }
     }
 
-    /// Adds an opaque polygon.
     pub fn area(&mut self, points: Vec<[f32; 2]>, colour: Rgb) {
         self.marks.push(Mark::Area { points, colour, opacity: 1.0 });
     }
@@ -89,7 +101,6 @@ impl Sheet {
     }
 }
 
-/// Returns the corners of a polygon that looks like a circle.
 pub fn circle([x, y]: [f32; 2], radius: f32) -> Vec<[f32; 2]> {
     const CORNERS: u16 = 32;
     let angle = |i| f32::from(i) * std::f32::consts::TAU / f32::from(CORNERS);
@@ -119,18 +130,6 @@ fn glyphs<'a>(face: &'a Face, text: &'a str) -> impl Iterator<Item = (GlyphId, f
     })
 }
 
-/// Returns the characters on a sheet that the font lacks.
-pub fn lacking(sheet: &Sheet) -> String {
-    let mut lacking = BTreeSet::new();
-    for mark in &sheet.marks {
-        if let (Mark::Text(text), Some(face)) = (mark, FACE.as_ref()) {
-            lacking.extend(text.words.chars().filter(|c| face.glyph_index(*c).is_none()));
-        }
-    }
-    lacking.into_iter().collect()
-}
-
-/// Returns the outlines of a text, unless it is blank.
 pub fn outline(text: &Text) -> Option<Path> {
     let face = FACE.as_ref()?;
     let scale = text.size / f32::from(face.units_per_em());
@@ -143,7 +142,6 @@ pub fn outline(text: &Text) -> Option<Path> {
     pen.path.finish()
 }
 
-/// Draws glyphs at their places in a text.
 struct Pen<'a> {
     text: &'a Text,
     scale: f32,
@@ -184,5 +182,244 @@ impl OutlineBuilder for Pen<'_> {
 
     fn close(&mut self) {
         self.path.close();
+    }
+}
+
+/// Pixels of a PNG, an inch.
+const RESOLUTION: f32 = 300.0;
+
+/// Objects of a PDF; the last one is the opacity of bands.
+const CATALOG: i32 = 1;
+const PAGES: i32 = 2;
+const PAGE: i32 = 3;
+const CONTENT: i32 = 4;
+const INFO: i32 = 5;
+const BAND: i32 = 6;
+
+/// Returns the line, polygon or letters that a mark consists of, if it is not a picture.
+fn path_of(mark: &Mark) -> Option<Path> {
+    let (points, closed) = match mark {
+        Mark::Line { points, .. } => (points, false),
+        Mark::Area { points, .. } => (points, true),
+        Mark::Text(text) => return outline(text),
+        Mark::Picture { .. } => return None,
+    };
+    let mut path = PathBuilder::new();
+    for (i, [x, y]) in points.iter().enumerate() {
+        if i == 0 { path.move_to(*x, *y) } else { path.line_to(*x, *y) }
+    }
+    if closed {
+        path.close();
+    }
+    path.finish()
+}
+
+pub fn png(sheet: &Sheet) -> Result<Vec<u8>, Report> {
+    let scale = RESOLUTION / 72.0;
+    let [width, height] = sheet.size.map(|length| (scale * length).ceil() as u32);
+    let mut pixmap =
+        Pixmap::new(width, height).ok_or_else(|| miette!("the figure is too large for a PNG"))?;
+    pixmap.fill(Color::WHITE);
+    let zoom = Transform::from_scale(scale, scale);
+    for mark in &sheet.marks {
+        paint(&mut pixmap, mark, zoom);
+    }
+    let mut picture = Picture::new((width as usize, height as usize), (255, 255, 255));
+    // The background is opaque, so premultiplication changes nothing.
+    let pixels = pixmap.pixels().iter().map(|pixel| (pixel.red(), pixel.green(), pixel.blue()));
+    picture.pixels_mut().iter_mut().zip(pixels).for_each(|(to, from)| *to = from);
+    picture.to_png("gdg-tui plot").into_diagnostic()
+}
+
+fn paint(pixmap: &mut Pixmap, mark: &Mark, zoom: Transform) {
+    let ink = |(r, g, b): Rgb, opacity: f32| {
+        let mut paint = Paint { anti_alias: true, ..Paint::default() };
+        paint.set_color_rgba8(r, g, b, (255.0 * opacity).round() as u8);
+        paint
+    };
+    let path = path_of(mark);
+    match (mark, path) {
+        (Mark::Line { width, colour, .. }, Some(path)) => {
+            let (line_cap, line_join) = (LineCap::Round, LineJoin::Round);
+            let stroke = Stroke { width: *width, line_cap, line_join, ..Stroke::default() };
+            pixmap.stroke_path(&path, &ink(*colour, 1.0), &stroke, zoom, None);
+        }
+        (Mark::Area { colour, opacity, .. }, Some(path)) => {
+            pixmap.fill_path(&path, &ink(*colour, *opacity), FillRule::Winding, zoom, None);
+        }
+        (Mark::Text(text), Some(path)) => {
+            pixmap.fill_path(&path, &ink(text.colour, 1.0), FillRule::Winding, zoom, None);
+        }
+        (Mark::Picture { at, size, picture }, _) => {
+            let (columns, rows) = picture.size();
+            let Some(mut pixels) = Pixmap::new(columns as u32, rows as u32) else { return };
+            for (to, (r, g, b)) in pixels.pixels_mut().iter_mut().zip(picture.pixels()) {
+                *to = PremultipliedColorU8::from_rgba(*r, *g, *b, u8::MAX).unwrap_or(*to);
+            }
+            let place = zoom
+                .pre_translate(at[0], at[1])
+                .pre_scale(size[0] / columns as f32, size[1] / rows as f32);
+            // Cells of maps keep their edges.
+            let paint = PixmapPaint { quality: FilterQuality::Nearest, ..PixmapPaint::default() };
+            pixmap.draw_pixmap(0, 0, pixels.as_ref(), &paint, place, None);
+        }
+        (_, None) => {}
+    }
+}
+
+pub fn svg(sheet: &Sheet) -> Result<String, Report> {
+    let [width, height] = sheet.size;
+    let ground = Rectangle::new().set("width", "100%").set("height", "100%").set("fill", "#fff");
+    let mut document = Document::new()
+        .set("width", format!("{width}pt"))
+        .set("height", format!("{height}pt"))
+        .set("viewBox", (0, 0, width, height))
+        .set("font-family", "DejaVu Sans, Verdana, sans-serif")
+        .set("fill", "none")
+        .set("stroke-linejoin", "round")
+        .set("stroke-linecap", "round")
+        .add(Title::new(sanitized(&sheet.title)))
+        .add(Comment::new("gdg-tui"))
+        .add(ground);
+    let hundredths = |length: f32| (100.0 * length).round() / 100.0;
+    let corners = |points: &[[f32; 2]]| {
+        let corner = |[x, y]: &[f32; 2]| format!("{},{}", hundredths(*x), hundredths(*y));
+        points.iter().map(corner).collect::<Vec<_>>().join(" ")
+    };
+    let letters = |text: &Text| {
+        let [x, y] = text.at.map(hundredths);
+        let anchor = match text.anchor {
+            Anchor::Start => "start",
+            Anchor::Middle => "middle",
+            Anchor::End => "end",
+        };
+        let turn = if text.turned { " rotate(-90)" } else { "" };
+        Group::new().set("transform", format!("translate({x} {y}){turn}")).add(
+            Letters::new(sanitized(&text.words))
+                .set("font-size", text.size)
+                .set("fill", hex(text.colour))
+                .set("text-anchor", anchor),
+        )
+    };
+    for mark in &sheet.marks {
+        document = match mark {
+            Mark::Line { points, width, colour } => document.add(
+                Polyline::new()
+                    .set("points", corners(points))
+                    .set("stroke", hex(*colour))
+                    .set("stroke-width", *width),
+            ),
+            Mark::Area { points, colour, opacity } => {
+                let area = Polygon::new().set("points", corners(points)).set("fill", hex(*colour));
+                document.add(if *opacity < 1.0 { area.set("fill-opacity", *opacity) } else { area })
+            }
+            Mark::Text(text) => document.add(letters(text)),
+            Mark::Picture { at, size, picture } => {
+                let data = STANDARD.encode(picture.to_png("gdg-tui").into_diagnostic()?);
+                document.add(
+                    Image::new()
+                        .set("x", at[0])
+                        .set("y", at[1])
+                        .set("width", size[0])
+                        .set("height", size[1])
+                        .set("href", format!("data:image/png;base64,{data}")),
+                )
+            }
+        };
+    }
+    Ok(document.to_string() + "\n")
+}
+
+pub fn pdf(sheet: &Sheet) -> Vec<u8> {
+    let [width, height] = sheet.size;
+    let mut content = Content::new();
+    content.set_line_cap(LineCapStyle::RoundCap).set_line_join(LineJoinStyle::RoundJoin);
+    // Downwards, as on the sheet.
+    content.transform([1.0, 0.0, 0.0, -1.0, 0.0, height]);
+    sheet.marks.iter().for_each(|mark| add(&mut content, mark));
+    // All bands have the same.
+    let band = sheet.marks.iter().find_map(|mark| match mark {
+        Mark::Area { opacity, .. } if *opacity < 1.0 => Some(*opacity),
+        _ => None,
+    });
+    let mut pdf = Pdf::new();
+    pdf.catalog(Ref::new(CATALOG)).pages(Ref::new(PAGES));
+    pdf.pages(Ref::new(PAGES)).kids([Ref::new(PAGE)]).count(1);
+    let mut page = pdf.page(Ref::new(PAGE));
+    page.media_box(Rect::new(0.0, 0.0, width, height));
+    page.parent(Ref::new(PAGES)).contents(Ref::new(CONTENT));
+    let mut resources = page.resources();
+    resources.ext_g_states().pair(Name(b"Band"), Ref::new(BAND));
+    resources.finish();
+    page.finish();
+    pdf.ext_graphics(Ref::new(BAND)).non_stroking_alpha(band.unwrap_or(1.0));
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    let packed = encoder.write_all(&content.finish()).and_then(|()| encoder.finish());
+    // Writing to memory does not fail.
+    let packed = packed.unwrap_or_default();
+    pdf.stream(Ref::new(CONTENT), &packed).filter(Filter::FlateDecode);
+    let mut info = pdf.document_info(Ref::new(INFO));
+    info.title(TextStr(&sheet.title)).producer(TextStr("gdg-tui"));
+    info.finish();
+    pdf.finish()
+}
+
+fn add(content: &mut Content, mark: &Mark) {
+    let shares = |(r, g, b): Rgb| [r, g, b].map(|part| f32::from(part) / 255.0);
+    // Only figures of maps have pictures, and those are never written as PDF.
+    let Some(path) = path_of(mark) else { return };
+    content.save_state();
+    match mark {
+        Mark::Line { width, colour, .. } => {
+            let [r, g, b] = shares(*colour);
+            content.set_stroke_rgb(r, g, b).set_line_width(*width);
+        }
+        Mark::Area { colour, .. } | Mark::Text(Text { colour, .. }) => {
+            let [r, g, b] = shares(*colour);
+            content.set_fill_rgb(r, g, b);
+        }
+        Mark::Picture { .. } => {}
+    }
+    if matches!(mark, Mark::Area { opacity, .. } if *opacity < 1.0) {
+        content.set_parameters(Name(b"Band"));
+    }
+    trace(content, &path);
+    let is_line = matches!(mark, Mark::Line { .. });
+    if is_line {
+        content.stroke()
+    } else {
+        content.fill_nonzero()
+    };
+    content.restore_state();
+}
+
+/// Adds a path; PDF has no quadratic curves.
+fn trace(content: &mut Content, path: &Path) {
+    let mut at = tiny_skia::Point::zero();
+    for segment in path.segments() {
+        match segment {
+            PathSegment::MoveTo(to) => {
+                content.move_to(to.x, to.y);
+                at = to;
+            }
+            PathSegment::LineTo(to) => {
+                content.line_to(to.x, to.y);
+                at = to;
+            }
+            PathSegment::QuadTo(by, to) => {
+                let towards = |from: f32, to: f32| from + (to - from) * 2.0 / 3.0;
+                let [x1, y1] = [towards(at.x, by.x), towards(at.y, by.y)];
+                let [x2, y2] = [towards(to.x, by.x), towards(to.y, by.y)];
+                content.cubic_to(x1, y1, x2, y2, to.x, to.y);
+                at = to;
+            }
+            PathSegment::CubicTo(by, then, to) => {
+                content.cubic_to(by.x, by.y, then.x, then.y, to.x, to.y);
+                at = to;
+            }
+            PathSegment::Close => {
+                content.close_path();
+            }
+        }
     }
 }

@@ -8,7 +8,7 @@ use miette::{Report, miette};
 
 use crate::host::report::from_map_error;
 use crate::host::values::{counts, reals};
-use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading, StepSearch};
+use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
 use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
@@ -64,14 +64,14 @@ pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str
 
 impl From<&MapArgs> for Reading {
     fn from(args: &MapArgs) -> Self {
-        let Self { scale, threshold, .. } = Self::default();
+        let Self { scale, threshold } = Self::default();
         let scale = MapScale {
             cell: args.cell.unwrap_or(scale.cell),
             margin: args.margin.map_or(scale.margin, |margin| margin as f32),
+            goal_radius: args.goal_radius.map_or(scale.goal_radius, |radius| radius as f32),
             ..scale
         };
-        let threshold = args.threshold.map_or(threshold, |threshold| threshold as f32);
-        Self { scale, goal_radius: args.goal_radius.map(|radius| radius as f32), threshold }
+        Self { scale, threshold: args.threshold.map_or(threshold, |threshold| threshold as f32) }
     }
 }
 
@@ -83,19 +83,17 @@ pub fn warn(grid: &Grid) {
 pub fn warnings(grid: &Grid) -> Vec<String> {
     let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
     let is_marked = !grid.starts().is_empty();
-    let components = is_marked.then(|| StepSearch::new(grid).components(grid));
+    let components = is_marked.then(|| Components::of(grid));
     let unconnected = components.and_then(|components| unconnected_parts(grid, &components));
     doubts(grid).into_iter().chain(unconnected).map(named).collect()
 }
 
 /// Returns signs that a map is not what its author meant.
-pub fn doubts(grid: &Grid) -> Vec<String> {
+pub fn doubts(grid: &Grid) -> Option<String> {
     let free = grid.free_count();
     let few = counted(free as u64, "free cell");
     let few = format!("the map has only {few}: too few to learn anything");
-    let letters =
-        grid.doubt().map(|doubt| format!("{doubt}: write walls as '#' and free cells as '.'"));
-    letters.into_iter().chain((free < FEWEST_CELLS).then_some(few)).collect()
+    (free < FEWEST_CELLS).then_some(few)
 }
 
 /// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
@@ -144,7 +142,7 @@ pub fn known_name(path: &Path) -> &str {
 pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
     let name = known_name(path);
     if let Some(grid) = map::builtin(name) {
-        return reading.map_of(name, &grid).map_err(from_map_error);
+        return reading.scale.of(name, &grid).map_err(from_map_error);
     }
     if registry.world_without_file(name).is_some() && !path.exists() {
         let help = "give a map: a built-in name or a file";

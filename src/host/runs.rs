@@ -7,7 +7,7 @@ use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 
 use gdg::files::is_hidden;
-use gdg::text::{grouped, safe_file_name};
+use gdg::text::safe_file_name;
 use gdg::train::{Description, describe};
 
 /// Default folder for checkpoints.
@@ -52,12 +52,6 @@ pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
 /// Returns a success rate, or a dash if there is none.
 pub fn rate(rate: Option<f64>) -> String {
     rate.map_or("-".to_owned(), |rate| format!("{rate:.2}"))
-}
-
-/// Describes a saved run in a few words: `57,000 updates, seed 1, saved yesterday`.
-pub fn summary(found: &Description) -> String {
-    let age = found.written.and_then(ago).map_or(String::new(), |ago| format!(", saved {ago}"));
-    format!("{} updates, seed {}{age}", grouped(found.updates), found.run.seed)
 }
 
 /// Returns the command that continues the run saved in `file`, quoted for a shell.

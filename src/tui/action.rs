@@ -9,7 +9,6 @@ use super::session::Session;
 use super::tool::Tool;
 pub use table::SECTIONS;
 
-/// A user action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     TogglePause,
@@ -21,7 +20,6 @@ pub enum Action {
     Evaluate,
     NewSeed,
     Settings,
-    ResetSetting,
     Method,
     Preset,
     NewGoal,
@@ -50,8 +48,6 @@ pub enum Action {
     NextPane,
     Maximise,
     Scroll(isize),
-    LogScale,
-    LayUnder,
     ToggleEdit,
     Tool(Tool),
     Apply,
@@ -59,22 +55,14 @@ pub enum Action {
     Redo,
     SaveMap,
     OpenMap,
-    RandomMap,
-    NewMap,
-    ResizeMap,
     Save,
     SaveAs,
     Load,
-    Resume,
-    Autosave,
     Export,
-    Compare,
-    Tour,
     NextTourStep,
     EndTour,
     Palette,
     Help,
-    SearchHelp,
     Close,
     Redraw,
     Suspend,
@@ -103,66 +91,23 @@ pub enum ListAction {
 pub enum Mode {
     Watching,
     Editing,
-    /// While a saved run is offered: the keys added to those of [`Self::Watching`].
-    Offered,
     /// During the tour: the keys added to those of [`Self::Watching`].
     Touring,
     Comparing,
     EditingBoth,
-    /// In the list of settings.
-    Settings,
-    Help,
     /// In a list of runs.
     Listing,
 }
 
 impl Mode {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 6] = [
         Self::Watching,
         Self::Editing,
-        Self::Offered,
         Self::Touring,
         Self::Comparing,
         Self::EditingBoth,
-        Self::Settings,
-        Self::Help,
         Self::Listing,
     ];
-
-    /// The modes of comparisons.
-    pub const OF_COMPARISONS: [Self; 2] = [Self::Comparing, Self::EditingBoth];
-}
-
-/// When a binding's keys are active.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum When {
-    Always,
-    /// While the editor is open.
-    Editing,
-    /// While the editor is closed.
-    Watching,
-    Comparing,
-    /// These keys take precedence over those of [`Self::Watching`].
-    Offered,
-    /// So do these.
-    Touring,
-    Settings,
-    Help,
-    Listing,
-}
-
-impl When {
-    /// Returns where the keys are active, for the help; empty if obvious.
-    pub fn place(self) -> &'static str {
-        match self {
-            Self::Always | Self::Watching | Self::Comparing | Self::Listing => "",
-            Self::Editing => " (in the editor)",
-            Self::Offered => " (while it is offered)",
-            Self::Touring => " (in the tour)",
-            Self::Settings => " (in the list)",
-            Self::Help => " (in the help)",
-        }
-    }
 }
 
 /// What an action does in a comparison.
@@ -174,24 +119,19 @@ pub enum Both {
     First,
     /// Something of its own.
     Own(fn(&mut Comparison, Action)),
-    /// Nothing, and why.
-    Refused(&'static str),
+    Refused,
 }
 
-/// An action: its names, its keys, and what it does.
 #[derive(Debug)]
 pub struct Binding {
     pub action: Action,
-    /// Its name in the configuration.
     pub name: &'static str,
-    pub when: When,
-    /// Default keys, which the configuration can replace.
+    /// The mode in which its keys are active; `None` while a run is watched or edited.
+    pub when: Option<Mode>,
     pub keys: &'static [&'static str],
     /// One word for the footer; empty to omit it there.
     pub short: &'static str,
-    /// Description for help and palette.
     pub long: &'static str,
-    /// Other words that users may search for.
     pub words: &'static str,
     /// What it does to a run.
     pub run: fn(&mut Session, Action),
@@ -202,7 +142,6 @@ pub struct Binding {
     pub is_in_lists: bool,
 }
 
-/// A group of bindings.
 #[derive(Debug)]
 pub struct Section {
     pub title: &'static str,
@@ -221,21 +160,24 @@ pub fn binding_of(action: Action) -> Option<&'static Binding> {
 impl Binding {
     /// Returns whether its keys are active in `mode`.
     pub fn is_active(&self, mode: Mode) -> bool {
-        let in_comparisons = !matches!(self.both, Both::Refused(_));
         match (mode, self.when) {
-            (Mode::Watching, when) => matches!(when, When::Always | When::Watching),
-            (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
-            (Mode::Offered, when) => matches!(when, When::Always | When::Offered),
-            (Mode::Touring, When::Touring)
-            | (Mode::Comparing | Mode::EditingBoth, When::Comparing)
-            | (Mode::Settings, When::Settings)
-            | (Mode::Help, When::Help)
-            | (Mode::Listing, When::Listing) => true,
-            (Mode::Listing, When::Always) => self.is_in_lists,
-            (Mode::Comparing | Mode::EditingBoth, When::Always)
-            | (Mode::Comparing, When::Watching)
-            | (Mode::EditingBoth, When::Editing) => in_comparisons,
-            _ => false,
+            (Mode::Watching | Mode::Editing, None) | (Mode::EditingBoth, Some(Mode::Comparing)) => {
+                true
+            }
+            (Mode::Listing, None) => self.is_in_lists,
+            (Mode::Comparing | Mode::EditingBoth, None)
+            | (Mode::Comparing, Some(Mode::Watching))
+            | (Mode::EditingBoth, Some(Mode::Editing)) => !matches!(self.both, Both::Refused),
+            (mode, when) => when == Some(mode),
+        }
+    }
+
+    /// Returns where its keys are active, for the help; empty if obvious.
+    pub fn place(&self) -> &'static str {
+        match self.when {
+            Some(Mode::Editing) => " (in the editor)",
+            Some(Mode::Touring) => " (in the tour)",
+            _ => "",
         }
     }
 

@@ -22,7 +22,6 @@ pub enum Base {
     Comparison(Box<Comparison>),
 }
 
-/// The application.
 pub struct App {
     pub base: Base,
     /// Whether the press of the mouse button that is down has had its effect, so that dragging on
@@ -187,7 +186,7 @@ impl Interface for App {
             Event::Key(key) if !key.is_release() => self.on_key(*key),
             _ => {}
         }
-        self.sessions_mut().iter_mut().for_each(Session::end_event);
+        self.sessions_mut().iter_mut().for_each(Session::thaw);
     }
 
     fn on_tick(&mut self) -> bool {

@@ -7,21 +7,21 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
+use miette::Report;
 use serde::Deserialize;
 
 use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::theme::ThemeName;
+use crate::host::report::ExplainedError;
 use crate::tui::marker::Marker;
 use gdg::files::{self, Format, Mismatch, Wanted};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
-/// The contents of the configuration file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UiConfig {
     pub theme: ThemeName,
-    /// What the map is drawn with.
     pub marker: Marker,
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
@@ -51,48 +51,13 @@ const CONFIGURATION: Wanted = Wanted {
 const MAX_BYTES: u64 = 1 << 20;
 const MAX_QUOTED_CHARS: usize = 300;
 
-/// A configuration that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[error("{location}{problem}")]
-pub struct UiConfigError {
-    location: String,
-    problem: String,
-    /// What is expected instead.
-    pub help: String,
-    /// The offending part of the file.
-    pub excerpt: Option<Excerpt>,
-}
-
-/// Returns the platform's folders, or `None` without a home directory.
-fn folders() -> Option<ProjectDirs> {
-    ProjectDirs::from("", "", "gdg-tui")
-}
-
+/// Returns the file in the platform's configuration folder, or `None` without a home directory.
 pub fn default_path() -> Option<PathBuf> {
-    folders().map(|dirs| dirs.config_dir().join("config.toml"))
-}
-
-pub fn recent_path() -> Option<PathBuf> {
-    state_path("recent.json")
-}
-
-pub fn used_path() -> Option<PathBuf> {
-    state_path("used")
-}
-
-fn state_path(name: &str) -> Option<PathBuf> {
-    // Tests must not touch the files of the user who runs them.
-    if cfg!(test) {
-        return None;
-    }
-    folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join(name))
+    ProjectDirs::from("", "", "gdg-tui").map(|dirs| dirs.config_dir().join("config.toml"))
 }
 
 /// Reads the configuration from `file`, or from the default path if that exists.
-///
-/// # Errors
-/// The file cannot be read, or something in it is invalid.
-pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
+pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Report> {
     let path = file.map(Path::to_owned).or_else(default_path);
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else {
         return parse("", "");
@@ -107,10 +72,7 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
 }
 
 /// Parses the text of a configuration file called `name`.
-///
-/// # Errors
-/// Something in the text is invalid.
-pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
+pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Report> {
     let hint = "--print-config-template prints all options";
     let config: UiConfig =
         toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
@@ -134,21 +96,14 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
     Ok((config, keymap))
 }
 
-fn error(
-    name: &str,
-    text: &str,
-    span: Option<Range<usize>>,
-    problem: &str,
-    help: &str,
-) -> Box<UiConfigError> {
+fn error(name: &str, text: &str, span: Option<Range<usize>>, problem: &str, help: &str) -> Report {
     let found = span.map(|span| Excerpt::from_span(name, text, span));
     let location = match &found {
         Some((_, (line, column))) => format!("{}:{line}:{column}: ", sanitized(name)),
         None => format!("{}: ", sanitized(name)),
     };
-    let (problem, help) = (truncated(problem, MAX_QUOTED_CHARS), sanitized_lines(help));
-    let excerpt = found.map(|(excerpt, _)| excerpt);
-    Box::new(UiConfigError { location, problem, help, excerpt })
+    let message = location + &truncated(problem, MAX_QUOTED_CHARS);
+    ExplainedError::report(message, sanitized_lines(help), found.map(|(excerpt, _)| excerpt))
 }
 
 pub fn template() -> String {

@@ -1,8 +1,5 @@
 //! Dialogs on top of the screen: the help, a list to pick from, a question to answer.
 
-mod picker;
-
-use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -17,12 +14,10 @@ use gdg::map::{Grid, RandomMapKind};
 use gdg::text::display_width;
 use gdg::train::{Method, Preset, Run};
 use gdg::viewer::Field;
-pub use picker::{Item, ListKind, Picker, Row};
 
 /// The longest answer accepted, in characters.
 const MAX_CHARACTERS: usize = 500;
 
-/// A dialog on top of the screen.
 #[derive(Debug)]
 pub enum Dialog {
     Help(Help),
@@ -42,42 +37,11 @@ impl From<Prompt> for Dialog {
     }
 }
 
-/// What the answer is for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Question {
     Setting(String),
     SaveAs,
     SaveMap,
-    /// Width and height of an empty map.
-    NewMap,
-    /// The map's new width and height.
-    ResizeMap,
-    Seed,
-    Autosave,
-}
-
-/// What an answer would lose: accepting it again confirms that.
-#[derive(Debug, PartialEq, Eq)]
-pub struct Warning {
-    /// The format, and what of the map it has no place for.
-    pub lost: Option<String>,
-    pub replaced: Option<String>,
-}
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match (&self.lost, &self.replaced) {
-            (Some(lost), replaced) => {
-                let also = replaced.iter().map(|what| format!(", and {what} exists"));
-                let also: String = also.collect();
-                write!(f, "{lost}{also}; Enter again writes it without them")
-            }
-            (None, replaced) => {
-                let what = replaced.as_deref().unwrap_or_default();
-                write!(f, "{what} exists: Enter again replaces it")
-            }
-        }
-    }
 }
 
 /// A question and the answer typed so far.
@@ -86,10 +50,8 @@ pub struct Prompt {
     pub title: String,
     /// What a valid answer looks like.
     pub hint: String,
-    /// What was wrong with the last answer.
+    /// What was wrong with the last answer, or what it would lose.
     pub error: Option<String>,
-    /// What the user has been warned of.
-    pub warned_of: Option<Warning>,
     pub question: Question,
     typed: Input,
     /// The initial answer has not been edited: typing replaces it.
@@ -107,7 +69,6 @@ impl Prompt {
             title: title.into(),
             hint: hint.into(),
             error: None,
-            warned_of: None,
             question,
             typed: Input::new(answer.into()),
             untouched: true,
@@ -123,7 +84,7 @@ impl Prompt {
     }
 
     pub fn on_key(&mut self, key: KeyEvent) {
-        (self.error, self.warned_of) = (None, None);
+        self.error = None;
         let types =
             matches!(key.code, KeyCode::Char(_)) && !key.modifiers.contains(KeyModifiers::CONTROL);
         self.touch(types);
@@ -141,6 +102,7 @@ impl Prompt {
     }
 
     pub fn insert(&mut self, text: &str) {
+        self.error = None;
         self.touch(true);
         insert_first_line(&mut self.typed, text);
     }
@@ -166,12 +128,10 @@ fn insert_first_line(input: &mut Input, text: &str) {
 pub struct Help {
     /// The introduction to a comparison, if it is about one.
     pub comparison: Option<String>,
-    /// The first line shown.
     pub first: usize,
     /// The lines that fit on the screen.
     pub page: usize,
     search: Input,
-    /// Whether keys go to the search text.
     pub searching: bool,
 }
 
@@ -194,16 +154,16 @@ impl Help {
         self.scroll(if down { page } else { -page });
     }
 
-    /// Handles a key, which means `action` on the screen behind the help, and `own` in the help;
-    /// returns whether the help is to close.
-    pub fn on_key(&mut self, key: KeyEvent, action: Option<Action>, own: Option<Action>) -> bool {
+    /// Handles a key, which means `action` on the screen behind the help; returns whether the help is
+    /// to close.
+    pub fn on_key(&mut self, key: KeyEvent, action: Option<Action>) -> bool {
         match (key.code, action) {
             (KeyCode::Up, _) => self.scroll(-1),
             (KeyCode::Down, _) => self.scroll(1),
             (KeyCode::PageUp, _) => self.scroll_page(false),
             (KeyCode::PageDown, _) => self.scroll_page(true),
             _ if self.searching => self.on_search_key(key),
-            _ if own == Some(Action::SearchHelp) => self.searching = true,
+            (KeyCode::Char('/'), _) => self.searching = true,
             (_, Some(Action::Close)) if !self.search().is_empty() => self.clear_search(),
             (_, Some(Action::Help | Action::Close | Action::Quit)) => return true,
             (_, Some(Action::Move(0, dy))) => self.scroll(dy),
@@ -215,7 +175,6 @@ impl Help {
         false
     }
 
-    /// Searches for pasted text.
     pub fn search_for(&mut self, text: &str) {
         self.searching = true;
         insert_first_line(&mut self.search, text);
@@ -255,23 +214,19 @@ pub enum Choice {
     OpenMap(PathBuf),
     OpenBuiltin(&'static str),
     OpenRandom(RandomMapKind),
+    OpenEmpty,
     /// Asks whether to start a new run in the world called so, which needs no file.
     OpenWorld(&'static str),
     StartIn(&'static str),
     /// Starts the run again with another seed.
     Restart(u64),
     Field(Field),
-    /// Starts a new run on a map, which may come from a file.
-    StartOn(Arc<Grid>, Option<PathBuf>),
-    /// Continues with the same networks on another map of the current size, which may come from a
-    /// file.
-    ContinueOn(Arc<Grid>, Option<PathBuf>),
+    StartOn(Arc<Grid>),
+    /// Continues with the same networks on another map of the current size.
+    ContinueOn(Arc<Grid>),
     /// Loads a checkpoint; asks first if much would be lost.
     Load(PathBuf),
-    /// Lays the curves of a checkpoint's run under those of this one.
-    LayUnder(PathBuf),
     LoadUnsaved(PathBuf),
-    Tour,
     Export(ExportKind),
     Quit {
         save: bool,
@@ -279,27 +234,269 @@ pub enum Choice {
     Nothing,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// Rows that Page Up and Page Down move the selection by.
+const PAGE: isize = 10;
 
-    fn press(prompt: &mut Prompt, code: KeyCode) {
-        prompt.on_key(KeyEvent::new(code, KeyModifiers::NONE));
+#[derive(Clone, Debug)]
+pub struct Item {
+    pub label: String,
+    pub detail: String,
+    /// The title above the first item of a group; empty for none.
+    pub group: &'static str,
+    /// Further lines below the list while the item is selected.
+    pub below: Vec<String>,
+    pub words: String,
+    /// Whether it is marked, such as a setting that differs from its default.
+    pub marked: bool,
+    /// The key that picks it in a question.
+    pub key: Option<char>,
+    pub choice: Choice,
+}
+
+impl Item {
+    pub fn new(label: impl Into<String>, detail: impl Into<String>, choice: Choice) -> Self {
+        Self {
+            label: label.into(),
+            detail: detail.into(),
+            group: "",
+            below: Vec::new(),
+            words: String::new(),
+            marked: false,
+            key: None,
+            choice,
+        }
     }
 
+    #[must_use]
+    pub fn on(self, key: char) -> Self {
+        Self { key: Some(key), ..self }
+    }
+
+    #[must_use]
+    pub fn within(self, group: &'static str) -> Self {
+        Self { group, ..self }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub enum Row<'a> {
+    Title(&'static str),
+    Item(&'a Item, bool),
+}
+
+/// A list with its search text and selection.
+#[derive(Debug)]
+pub struct Picker {
+    pub title: String,
+    /// What is shown above the items; empty for nothing.
+    pub text: String,
+    /// Whether it lists the settings, which it keeps up to date.
+    pub are_settings: bool,
+    items: Vec<Item>,
+    typed: Input,
+    /// Indices of the items that match the search text, best first.
+    shown: Vec<usize>,
+    selected: usize,
+}
+
+impl Picker {
+    /// Creates a list of all `items`, with the first one selected. If an item has a key, the list
+    /// is a question: keys answer it instead of searching.
+    pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
+        let shown = (0..items.len()).collect();
+        let (title, typed) = (title.into(), Input::default());
+        let text = String::new();
+        Self { title, text, are_settings: false, items, typed, shown, selected: 0 }
+    }
+
+    #[must_use]
+    pub fn explaining(self, text: String) -> Self {
+        Self { text, ..self }
+    }
+
+    /// Selects the first item whose choice satisfies `is`.
+    #[must_use]
+    pub fn selecting(mut self, is: impl Fn(&Choice) -> bool) -> Self {
+        self.selected = self.items.iter().position(|item| is(&item.choice)).unwrap_or(0);
+        self
+    }
+
+    pub fn insert_item(&mut self, at: usize, item: Item) {
+        self.shown.push(self.items.len());
+        self.items.insert(at, item);
+    }
+
+    /// Replaces the items; their number must stay the same.
+    pub fn update(&mut self, items: Vec<Item>) {
+        if items.len() == self.items.len() {
+            self.items = items;
+        }
+    }
+
+    pub fn is_question(&self) -> bool {
+        self.items.iter().any(|item| item.key.is_some())
+    }
+
+    pub fn typed(&self) -> (&str, usize) {
+        (self.typed.value(), cursor_column(&self.typed))
+    }
+
+    /// Returns the rows shown: the best matches first, or all items by group.
+    pub fn rows(&self) -> Vec<Row<'_>> {
+        let mut rows = Vec::new();
+        let mut group = "";
+        for (n, i) in self.shown.iter().enumerate() {
+            let item = &self.items[*i];
+            if self.typed.value().is_empty() && item.group != group {
+                rows.push(Row::Title(item.group));
+                group = item.group;
+            }
+            rows.push(Row::Item(item, n == self.selected));
+        }
+        rows
+    }
+
+    pub fn most_rows(&self) -> usize {
+        let titles = self
+            .items
+            .chunk_by(|a, b| a.group == b.group)
+            .filter(|group| !group[0].group.is_empty());
+        self.items.len() + titles.count()
+    }
+
+    pub fn items(&self) -> impl Iterator<Item = &Item> {
+        self.items.iter()
+    }
+
+    pub fn item(&self) -> Option<&Item> {
+        self.shown.get(self.selected).map(|i| &self.items[*i])
+    }
+
+    pub fn choice(&self) -> Option<&Choice> {
+        self.item().map(|item| &item.choice)
+    }
+
+    /// Selects the item on a row of [`Self::rows`]; returns whether there is one.
+    pub fn select(&mut self, row: usize) -> bool {
+        let rows = self.rows();
+        let there = matches!(rows.get(row), Some(Row::Item(..)));
+        if there {
+            self.selected = rows[..row].iter().filter(|row| matches!(row, Row::Item(..))).count();
+        }
+        there
+    }
+
+    pub fn move_selection(&mut self, by: isize) {
+        let last = self.shown.len().saturating_sub(1);
+        self.selected = self.selected.saturating_add_signed(by).min(last);
+    }
+
+    /// Handles a key; returns whether it picks the selected item.
+    pub fn on_key(&mut self, key: KeyEvent) -> bool {
+        match key.code {
+            KeyCode::Up => self.move_selection(-1),
+            KeyCode::Down => self.move_selection(1),
+            KeyCode::PageUp => self.move_selection(-PAGE),
+            KeyCode::PageDown => self.move_selection(PAGE),
+            KeyCode::Char(c) if self.is_question() => {
+                let at =
+                    self.items.iter().position(|item| item.key == Some(c.to_ascii_lowercase()));
+                self.selected = at.unwrap_or(self.selected);
+                return at.is_some();
+            }
+            _ if self.is_question() => {}
+            // Elsewhere this starts a search; here, typing does.
+            KeyCode::Char('/') if self.typed.value().is_empty() => {}
+            _ => {
+                let before = self.typed.value().to_owned();
+                self.typed.handle_event(&Event::Key(key));
+                if self.typed.value() != before {
+                    self.filter();
+                }
+            }
+        }
+        false
+    }
+
+    pub fn insert(&mut self, text: &str) {
+        if !self.is_question() {
+            insert_first_line(&mut self.typed, text);
+            self.filter();
+        }
+    }
+
+    fn filter(&mut self) {
+        let typed = plain(self.typed.value());
+        let scored =
+            self.items.iter().enumerate().filter_map(|(i, item)| Some((i, score(&typed, item)?)));
+        let mut scored: Vec<(usize, u32)> = scored.collect();
+        scored.sort_by_key(|(i, score)| (std::cmp::Reverse(*score), *i));
+        self.shown = scored.into_iter().map(|(i, _)| i).collect();
+        self.selected = 0;
+    }
+}
+
+/// What a match in an item's name, in its search words and in its details counts.
+const WEIGHTS: [u32; 3] = [9, 5, 1];
+
+/// Returns how well a search text fits an item, or `None` if one of its words is nowhere.
+fn score(typed: &str, item: &Item) -> Option<u32> {
+    let (label, detail) =
+        (plain(&item.label), [std::slice::from_ref(&item.detail), &item.below[..]].concat());
+    if label == typed {
+        return Some(u32::MAX);
+    }
+    let texts = [label, plain(&item.words), plain(&detail.join(" "))];
+    let weighed = || texts.iter().zip(WEIGHTS);
+    let of =
+        |word| weighed().filter_map(|(text, weight)| Some(weight * closeness(text, word)?)).max();
+    typed.split_whitespace().map(of).sum()
+}
+
+/// Returns how well a word fits a text: as one of its words, as the beginning of one, or within one.
+fn closeness(text: &str, typed: &str) -> Option<u32> {
+    let words = text.split(|c: char| !c.is_alphanumeric());
+    let beginning = words.filter(|word| word.starts_with(typed));
+    let best = beginning.map(|word| if word == typed { 3 } else { 2 }).max();
+    best.or(text.contains(typed).then_some(1))
+}
+
+/// Returns a text in which `learning-rate`, `learning_rate` and `Learning rate` are the same.
+fn plain(text: &str) -> String {
+    text.trim().to_lowercase().replace(['-', '_'], " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use crossterm::event::KeyModifiers;
+
+    use super::*;
+
     #[test]
-    fn typing_replaces_the_initial_answer_unless_it_was_edited() {
-        let prompt = || Prompt::new(Question::Seed, "seed", "", "12");
-        let mut typed = prompt();
-        press(&mut typed, KeyCode::Char('7'));
-        press(&mut typed, KeyCode::Char('8'));
-        assert_eq!(typed.typed().0, "78");
-        let mut edited = prompt();
-        press(&mut edited, KeyCode::Backspace);
-        press(&mut edited, KeyCode::Char('7'));
-        assert_eq!(edited.typed().0, "17");
-        let mut pasted = prompt();
-        pasted.insert("345");
-        assert_eq!(pasted.typed().0, "345");
+    fn typing_narrows_the_list_to_the_best_matches() {
+        let items = [
+            ("loss_scale", "-"),
+            ("batch", "64"),
+            ("learning_rate", "0.001"),
+            ("loss", "sqrt: relative accuracy"),
+        ];
+        let item = |(name, detail): (&str, &str)| Item::new(name, detail, Choice::Nothing);
+        let mut picker = Picker::new("settings", items.map(item).to_vec());
+        // Details are searched too, and the exact name comes first.
+        for (keys, found) in [
+            ("learning-r", Some("learning_rate")),
+            ("accuracy", Some("loss")),
+            ("loss", Some("loss")),
+            ("losszzz", None),
+            ("/accuracy", Some("loss")),
+        ] {
+            picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
+            for c in keys.chars() {
+                picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE));
+            }
+            assert_eq!(picker.item().map(|item| item.label.as_str()), found, "{keys}");
+        }
+        picker.move_selection(-5);
+        assert!(!picker.select(4), "the selection stays within the list");
     }
 }

@@ -17,7 +17,6 @@ use super::screen::Screen;
 use super::theme::Theme;
 use crate::figure::Format;
 use gdg::files::{self, write_atomically};
-use gdg::job::{Job, Running};
 use picture::{PageColours, picture_of};
 
 /// Folder for exports.
@@ -43,17 +42,15 @@ pub enum ExportError {
 /// Encodes what has been drawn, which may take a second or two.
 type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, ExportError> + Send>;
 
-/// Draws an export and begins to write it to a new file; returns the notice for the user.
+/// Draws an export; returns what writes it to a new file and returns the notice for the user.
 pub fn begin(
     kind: ExportKind,
     screen: &mut Screen,
     scene: &Scene,
-) -> Result<Running<Result<String, String>>, ExportError> {
+) -> Result<impl FnOnce() -> Result<String, String> + Send + use<>, ExportError> {
     let (name, noun) = (name(kind, screen, scene), scene.noun());
     let encode = drawn(kind, screen, scene)?;
-    let write = move |_: &Job| write_as(&name, kind, noun, encode());
-    let job = Job::new(format!("writing {}", kind.name(noun)));
-    Ok(Running::start("export", job, write))
+    Ok(move || write_as(&name, kind, noun, encode()))
 }
 
 /// Returns what a file's name begins with: the world, and the update that is shown.

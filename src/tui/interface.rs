@@ -11,7 +11,6 @@ use super::graphics::{Graphics, Picture, Redraw};
 pub enum TerminalRequest {
     /// Give the terminal back and stop the program until it is resumed.
     Suspend,
-    /// Draw everything again.
     Redraw,
     /// Draw in the new size.
     Resize,
@@ -35,7 +34,6 @@ pub trait Interface {
         false
     }
 
-    /// Whether the program is to quit.
     fn is_done(&self) -> bool;
 
     /// Sets the terminal's graphics capabilities, and how much of the pictures the next frame
@@ -44,7 +42,6 @@ pub trait Interface {
 
     fn draw(&mut self, frame: &mut Frame);
 
-    /// Shows an error.
     fn report(&mut self, problem: &str);
 
     /// Returns the pictures that belong to the frame.

@@ -20,27 +20,22 @@ pub struct Keymap {
 pub struct KeymapError {
     pub binding: String,
     pub problem: String,
-    /// What is expected instead.
     pub help: String,
 }
 
 impl Keymap {
     /// Creates a keymap from the table's keys, replaced where `changes` gives others.
-    ///
-    /// # Errors
-    /// An unknown binding or key, or a key bound twice.
     pub fn new(changes: &BTreeMap<String, Vec<String>>) -> Result<Self, KeymapError> {
-        let known = |name: &String| bindings().any(|b| b.name == *name);
-        if let Some(name) = changes.keys().find(|name| !known(name)) {
+        let fail = |binding: &str, problem: String, help: &str| KeymapError {
+            binding: binding.to_owned(),
+            problem,
+            help: help.to_owned(),
+        };
+        if let Some(name) = changes.keys().find(|name| !bindings().any(|b| b.name == **name)) {
             let nearest = nearest(name, bindings().map(|b| b.name));
-            let help = nearest.map_or(String::new(), |known| format!("did you mean {known}?"));
-            let help = format!("{help} --print-config-template lists all names");
-            let problem = "unknown action".to_owned();
-            return Err(KeymapError {
-                binding: name.clone(),
-                problem,
-                help: help.trim().to_owned(),
-            });
+            let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+            let help = format!("{nearest}--print-config-template lists all names");
+            return Err(fail(name, "unknown action".to_owned(), &help));
         }
         let mut keymap = Self { keys: Vec::new() };
         // Changed bindings come last, so that they are the ones blamed for a conflict.
@@ -49,44 +44,32 @@ impl Keymap {
         for binding in own.into_iter().chain(changed) {
             let own = || binding.keys.iter().map(|k| (*k).to_owned()).collect();
             for key in changes.get(binding.name).cloned().unwrap_or_else(own) {
-                let fail = |problem: String, help: &str| KeymapError {
-                    binding: binding.name.to_owned(),
-                    problem,
-                    help: help.to_owned(),
+                let Some(pressed) = parse(&key).map(normalised) else {
+                    let help =
+                        "keys are written as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"";
+                    return Err(fail(binding.name, format!("{key:?} is not a key"), help));
                 };
-                let parsed = parse(&key).ok_or_else(|| {
-                    fail(
-                        format!("{key:?} is not a key"),
-                        "keys are written as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"",
-                    )
-                })?;
-                let pressed = normalised(parsed);
-                let is_own = |b: &Binding| b.name == binding.name;
-                if keymap.keys.iter().any(|(k, b)| *k == pressed && is_own(b)) {
-                    continue;
+                match keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding)) {
+                    None => keymap.keys.push((pressed, binding)),
+                    Some((_, other)) if other.name == binding.name => {}
+                    Some((_, other)) => {
+                        let problem = format!("{key:?} is already bound to {}", other.name);
+                        let help = "bind one of them to another key";
+                        return Err(fail(binding.name, problem, help));
+                    }
                 }
-                if let Some((_, other)) =
-                    keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding))
-                {
-                    let problem = format!("{key:?} is already bound to {}", other.name);
-                    return Err(fail(problem, "bind one of them to another key"));
-                }
-                keymap.keys.push((pressed, binding));
             }
         }
         Ok(keymap)
     }
 
-    /// Returns the action of `key` in `mode`.
     pub fn action(&self, key: KeyEvent, mode: Mode) -> Option<Action> {
         let key = normalised(KeyCombination::from(key));
         let of = |mode| {
             self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action)
         };
-        // The keys of offer and tour take precedence; the others stay active.
-        of(mode).or_else(|| {
-            matches!(mode, Mode::Offered | Mode::Touring).then(|| of(Mode::Watching)).flatten()
-        })
+        // The keys of the tour take precedence; the others stay active.
+        of(mode).or_else(|| (mode == Mode::Touring).then(|| of(Mode::Watching)).flatten())
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.
@@ -100,7 +83,6 @@ impl Keymap {
         first(action).unwrap_or_else(unbound)
     }
 
-    /// Returns the keys of `binding` for display.
     pub fn display_keys(&self, binding: &Binding) -> Vec<String> {
         self.keys
             .iter()
@@ -123,7 +105,6 @@ fn display_name(key: KeyCombination) -> String {
     short_name(&format.to_string(key))
 }
 
-/// Returns the key called `name`.
 fn parse(name: &str) -> Option<KeyCombination> {
     if let Some(letter) = name.chars().last().filter(|c| !c.is_ascii() && c.is_alphabetic()) {
         // The library parses only ASCII: use a placeholder letter.
@@ -152,21 +133,18 @@ fn normalised(key: KeyCombination) -> KeyCombination {
 }
 
 fn short_name(key: &str) -> String {
-    let pairs = [
-        ("Left", "\u{2190}"),
-        ("Right", "\u{2192}"),
-        ("Up", "\u{2191}"),
-        ("Down", "\u{2193}"),
-        ("PageUp", "PgUp"),
-        ("PageDown", "PgDn"),
-        ("Hyphen", "-"),
-    ];
-    // Page keys contain the names of arrows.
-    let page = key.contains("Page");
-    pairs
-        .iter()
-        .filter(|(long, _)| page == long.contains("Page"))
-        .fold(key.to_owned(), |k, (long, s)| k.replace(long, s))
+    let at = key.rfind('-').map_or(0, |at| at + 1);
+    let name = match &key[at..] {
+        "Left" => "\u{2190}",
+        "Right" => "\u{2192}",
+        "Up" => "\u{2191}",
+        "Down" => "\u{2193}",
+        "PageUp" => "PgUp",
+        "PageDown" => "PgDn",
+        "Hyphen" => "-",
+        name => name,
+    };
+    format!("{}{name}", &key[..at])
 }
 
 #[cfg(test)]

@@ -7,14 +7,12 @@ use super::theme::ColourDepth;
 pub enum Overlay {
     /// Contour lines of equal distance, labelled with it.
     Contours,
-    /// Directions the actor would take.
     Directions,
     /// Unvisited cells, and the edge of the known world.
     Unexplored,
     /// Exploring agents, their trails, and their goals at the frontier.
     Agents,
     Candidates,
-    /// Edges of the bridge graph.
     Edges,
     /// The latest search for a bridge point.
     Search,
@@ -23,7 +21,6 @@ pub enum Overlay {
 }
 
 impl Overlay {
-    /// All overlays.
     pub const ALL: [Self; 8] = [
         Self::Contours,
         Self::Directions,
@@ -53,7 +50,6 @@ impl Overlay {
     }
 }
 
-/// The set of overlays shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlays([bool; Overlay::ALL.len()]);
 
@@ -68,7 +64,6 @@ impl Overlays {
         Self(Overlay::ALL.map(|overlay| shown.contains(&overlay)))
     }
 
-    /// Returns whether `overlay` is shown.
     pub fn has(self, overlay: Overlay) -> bool {
         self.0[overlay as usize]
     }

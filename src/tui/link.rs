@@ -13,11 +13,11 @@ use gdg::viewer::{Request, Viewer};
 /// Time after which it is shown what the trainer does instead of training.
 const SHOWN_AFTER: Duration = Duration::from_millis(500);
 
-/// The connection to trainer and viewer.
 pub struct Link {
-    engine: EngineLink,
-    viewer: Viewer,
-    goal_requests: u64,
+    pub engine: EngineLink,
+    pub viewer: Viewer,
+    /// The number of the latest request for a goal.
+    pub goal_request: u64,
     /// Separate, so that training does not depend on user input.
     pub rng: ChaCha8Rng,
 }
@@ -26,20 +26,12 @@ impl Link {
     /// Connects a screen that shows `snapshot` at first.
     pub fn new(engine: EngineLink, viewer: Viewer, snapshot: &Snapshot) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
-        Self { engine, viewer, goal_requests: 0, rng }
-    }
-
-    pub fn engine(&self) -> &EngineLink {
-        &self.engine
+        Self { engine, viewer, goal_request: 0, rng }
     }
 
     /// Returns what the trainer does instead of training, if that takes long.
     pub fn busy(&self) -> Option<Job> {
         self.engine.busy().filter(|job| job.since().elapsed() >= SHOWN_AFTER)
-    }
-
-    pub fn viewer(&self) -> &Viewer {
-        &self.viewer
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
@@ -57,13 +49,9 @@ impl Link {
         self.viewer.request(request);
     }
 
-    pub fn goal_request(&self) -> u64 {
-        self.goal_requests
-    }
-
     pub fn next_goal_request(&mut self) -> u64 {
-        self.goal_requests += 1;
-        self.goal_requests
+        self.goal_request += 1;
+        self.goal_request
     }
 
     /// Returns to the present; returns whether the past was shown. A frozen screen is unfrozen, as

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
-use super::dialog::{Choice, Item, ListKind, Picker};
+use super::dialog::{Choice, Item, Picker};
 use crate::host::runs::resume_command;
-use crate::tui::action::{Action, Binding, Mode, When, bindings};
+use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::output::ExportKind;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
@@ -19,65 +19,55 @@ use gdg::files::has_extension;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Registry, Run, SETTINGS,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Registry, SETTINGS,
     Setting, list_settings,
 };
 use gdg::viewer::Field;
+
+/// Columns and rows of the empty map.
+pub const EMPTY_MAP: (usize, usize) = (40, 30);
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
 /// Lists the actions available on this screen by name, then the fields to show, then the settings.
 pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
-    let here = |b: &&Binding| {
-        let active = b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
-        active
-            || screen.offer.is_some() && b.is_active(Mode::Offered)
-            || screen.tour.is_some() && b.is_active(Mode::Touring)
-    };
-    let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && here(b);
+    let modes =
+        [Some(Mode::Watching), Some(Mode::Editing), screen.tour.as_ref().map(|_| Mode::Touring)];
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);
         Item { detail, marked: false, ..setting }.within("settings")
     });
-    let fields =
-        Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen)).map(field_item);
-    let actions = bindings().filter(named).map(|b| action_item(b, screen, scene));
-    let items = actions.chain(fields).chain(settings).collect();
-    let mut picker = Picker::new("find an action", items);
-    picker.keeps_groups = true;
-    picker
+    let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
+    palette(screen, scene, &modes, fields, settings.collect())
 }
 
-/// Lists the actions of comparisons in these modes by name, then the `fields` to show, then the
-/// actions that comparisons do not have, to say why.
+/// Lists the actions of comparisons by name, then the `fields` to show.
 pub fn actions_of_comparisons(
     screen: &Screen,
     scene: &Scene,
-    modes: &[Mode],
     fields: impl Iterator<Item = Field>,
 ) -> Picker {
-    let is_here = |b: &Binding| modes.iter().any(|mode| b.is_active(*mode));
-    let named = bindings().filter(|b| b.action != Action::Palette && scene.offers(b.action));
-    let (here, others): (Vec<_>, Vec<_>) = named.partition(|b| is_here(b));
-    let is_single = |b: &&&Binding| matches!(b.when, When::Always | When::Watching);
-    let items = here.into_iter().map(|b| action_item(b, screen, scene));
+    palette(screen, scene, &[Some(Mode::Comparing), Some(Mode::EditingBoth)], fields, Vec::new())
+}
+
+fn palette(
+    screen: &Screen,
+    scene: &Scene,
+    modes: &[Option<Mode>],
+    fields: impl Iterator<Item = Field>,
+    more: Vec<Item>,
+) -> Picker {
+    let is_here = |b: &Binding| modes.iter().flatten().any(|mode| b.is_active(*mode));
+    let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && is_here(b);
+    let items = bindings().filter(named).map(|b| action_item(b, screen, scene));
     let fields = fields.map(field_item);
-    let missing = others.iter().filter(is_single).map(|b| {
-        Item { detail: String::new(), ..action_item(b, screen, scene) }
-            .within("not in a comparison")
-    });
-    let mut picker =
-        Picker::new("find an action", items.chain(fields).chain(missing).collect::<Vec<_>>());
-    picker.keeps_groups = true;
-    picker
+    Picker::new("find an action", items.chain(fields).chain(more).collect())
 }
 
 fn action_item(b: &Binding, screen: &Screen, scene: &Scene) -> Item {
     let keys = screen.keymap.display_keys(b).join(" ");
     Item {
-        // Some of the editor's tools have the names of other actions.
-        name: if b.when == When::Editing { "" } else { b.name },
         words: format!("{} {}", b.name, b.words),
         ..Item::new(scene.wording(b), keys, Choice::Act(b.action))
     }
@@ -128,10 +118,11 @@ pub fn presets(now: Preset) -> Picker {
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
     let title = "change a setting (* differs from its default)";
-    Picker::new(title, setting_items(screen)).of(ListKind::Settings)
+    let mut picker = Picker::new(title, setting_items(screen));
+    picker.are_settings = true;
+    picker
 }
 
-/// Describes the settings of the run shown.
 pub fn setting_items(screen: &Screen) -> Vec<Item> {
     let run = screen.run();
     let values = list_settings(&run.settings)
@@ -164,12 +155,6 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
     Item { below, ..Item::new(*name, detail, choice).within(group) }
 }
 
-pub fn random_maps() -> Picker {
-    let item = |kind: RandomMapKind| Item::new(kind.name(), kind.about(), Choice::OpenRandom(kind));
-    Picker::new("open a random map", RandomMapKind::ALL.map(item).to_vec())
-}
-
-/// Lists these kinds of exports of a scene called `noun`.
 pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
     let item = |kind: &ExportKind| Item::new(kind.name(noun), "", Choice::Export(*kind));
     Picker::new("export", kinds.iter().map(item).collect())
@@ -184,29 +169,15 @@ pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Pi
         Item::new("quit without saving", lost, Choice::Quit { save: false }).on('n'),
         Item::new("cancel", "", Choice::Nothing).on('c'),
     ];
-    Picker::new("save before quitting?", items).of(ListKind::Quit)
+    Picker::new("save before quitting?", items)
 }
 
-/// Asks whether to quit a comparison whose map has been drawn.
 pub fn quit_comparison() -> Picker {
     let items = vec![
         Item::new("quit", "map edits are lost", Choice::Quit { save: false }).on('n'),
         Item::new("cancel", "ctrl-w saves the map", Choice::Nothing).on('c'),
     ];
     Picker::new("quit without saving the map?", items)
-}
-
-/// Asks whether to load a checkpoint while training is unsaved.
-pub fn load_choices(snapshot: &Snapshot, file: PathBuf) -> Picker {
-    let items = leave_items("load it", lost(snapshot, ""), Choice::LoadUnsaved(file), true);
-    Picker::new("load a checkpoint without saving this run?", items)
-}
-
-/// Asks whether to continue an unsaved run as `run`, which needs other networks.
-pub fn change_choices(snapshot: &Snapshot, run: Run) -> Picker {
-    let choice = Choice::Change(Box::new(run));
-    let items = leave_items("continue with new networks", lost(snapshot, ""), choice, true);
-    Picker::new("this resets the networks, which are not saved", items)
 }
 
 /// Says what is lost without saving: updates, and `also` something else.
@@ -222,22 +193,23 @@ fn lost(snapshot: &Snapshot, also: &str) -> String {
     }
 }
 
-/// The choices for leaving a run, which can be saved first if it `is_worth_saving`.
-fn leave_items(leave: &str, detail: String, choice: Choice, is_worth_saving: bool) -> Vec<Item> {
-    let save = is_worth_saving.then(|| save_first(leave, choice.clone()));
-    let leave = Item::new(format!("yes, {leave}"), detail, choice).on('y');
-    save.into_iter().chain([leave, stay()]).collect()
-}
-
-/// Asks whether to leave this run for the guided tour, and offers to save it if it
-/// `is_worth_saving`.
-pub fn tour_choices(snapshot: &Snapshot, is_worth_saving: bool) -> Picker {
-    let run = "a new run on the four rooms, about 90 seconds";
-    let lost = match snapshot.unsaved_updates() {
-        0 => run.to_owned(),
-        _ => format!("{run}; {}", lost(snapshot, "")),
-    };
-    Picker::new("guided tour", leave_items("take the tour", lost, Choice::Tour, is_worth_saving))
+/// Asks whether to leave a run, which can be saved first if it is `unsaved`: to `begin` something,
+/// with what there is to say about that.
+pub fn leave(
+    title: impl Into<String>,
+    begin: &str,
+    about: &str,
+    choice: Choice,
+    unsaved: Option<&Snapshot>,
+) -> Picker {
+    let save = unsaved.map(|_| {
+        let first = Choice::SaveFirst(Box::new(choice.clone()));
+        Item::new(format!("save this run, then {begin}"), about, first).on('s')
+    });
+    let lost = unsaved.map_or(about.to_owned(), |snapshot| lost(snapshot, ""));
+    let begin = Item::new(format!("yes, {begin}"), lost, choice).on('y');
+    let stay = Item::new("no, stay", "", Choice::Nothing).on('n');
+    Picker::new(title, save.into_iter().chain([begin, stay]).collect())
 }
 
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
@@ -259,94 +231,44 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     Picker::new(title, items).explaining(format!("{problem}\n{hint}"))
 }
 
-/// Asks how to switch to `map`, which may come from a `file`, from map `now`, if the world has one;
-/// `fitted` is `map` at the size of `now`. Offers to save this run first if it `is_worth_saving`.
-pub fn map_switch_choices(
+/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of
+/// `now`. Offers to save this run first if it is `unsaved`.
+pub fn map_switch(
     map: &Arc<Grid>,
-    file: Option<&Path>,
     now: Option<&Grid>,
     fitted: Option<Grid>,
-    is_worth_saving: bool,
+    unsaved: Option<&Snapshot>,
 ) -> Picker {
-    let file = file.map(Path::to_owned);
-    let mut items =
-        start_choices("it", &Choice::StartOn(map.clone(), file.clone()), is_worth_saving);
+    let title = format!("{} ({} x {})", map.name(), map.width(), map.height());
+    let start = Choice::StartOn(map.clone());
+    let mut picker = leave(title, "start a new run on it", "new networks", start, unsaved);
+    let continued = |label, about, map| Item::new(label, about, Choice::ContinueOn(map)).on('c');
     let size = now.map(|now| (now.width(), now.height()));
     if size == Some((map.width(), map.height())) {
-        let same = Choice::ContinueOn(map.clone(), file);
-        items.insert(
-            0,
-            Item::new("continue on it", "the same networks learn the new walls", same).on('c'),
-        );
+        let about = "the same networks learn the new walls";
+        picker.insert_item(0, continued("continue on it".to_owned(), about, map.clone()));
     } else if let (Some((width, height)), Some(fitted)) = (size, fitted) {
         let label = format!("continue on it, cropped or padded to {width} x {height}");
-        let fitted = Choice::ContinueOn(Arc::new(fitted), file);
-        items.push(Item::new(label, "the networks expect a map of this size", fitted).on('c'));
+        let about = "the networks expect a map of this size";
+        picker.insert_item(1, continued(label, about, Arc::new(fitted)));
     }
-    items.push(stay());
-    Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
+    picker
 }
 
-/// Asks whether to start a new run in the world called `name`, and offers to save this one first if
-/// it `is_worth_saving`.
-pub fn world_switch_choices(name: &'static str, is_worth_saving: bool) -> Picker {
-    let mut items = start_choices(name, &Choice::StartIn(name), is_worth_saving);
-    items.push(stay());
-    Picker::new(name, items)
-}
-
-/// Asks whether to restart an unsaved run with another seed.
-pub fn restart_choices(seed: u64) -> Picker {
-    let mut items =
-        start_choices(&format!("this map with seed {seed}"), &Choice::Restart(seed), true);
-    items.push(stay());
-    Picker::new(format!("restart with seed {seed}"), items)
-}
-
-/// The choices for a new run on `place`, which `start` begins.
-fn start_choices(place: &str, start: &Choice, is_worth_saving: bool) -> Vec<Item> {
-    let begin = format!("start a new run on {place}");
-    if is_worth_saving {
-        let discard = format!("{begin} without saving");
-        return vec![
-            save_first(&begin, start.clone()),
-            Item::new(discard, "new networks; unsaved training is lost", start.clone()).on('d'),
-        ];
-    }
-    vec![Item::new(begin, "new networks", start.clone()).on('s')]
-}
-
-fn save_first(then: &str, choice: Choice) -> Item {
-    Item::new(format!("save this run, then {then}"), "", Choice::SaveFirst(Box::new(choice)))
-        .on('s')
-}
-
-fn stay() -> Item {
-    Item::new("no, stay", "", Choice::Nothing).on('n')
-}
-
-/// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is
-/// given, recent and built-in maps and the worlds of `registry` that can be drawn come first.
-pub fn maps(
-    folder: &Path,
-    entries: &[(PathBuf, bool)],
-    recent: Option<&[PathBuf]>,
-    registry: &Registry,
-) -> Picker {
+/// Lists the maps in `folder`, given its `entries` and whether each is a folder. If a `registry` is
+/// given, built-in maps and those of its worlds that can be drawn come first.
+pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Registry>) -> Picker {
     let mut items = Vec::new();
-    if let Some(recent) = recent {
-        let item = |path: &PathBuf| {
-            Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()))
-        };
-        items.extend(recent.iter().map(item));
+    if let Some(registry) = registry {
         items.extend(
             BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))),
         );
-        items.push(Item::new(
-            "random map",
-            "maze, city or perfect maze",
-            Choice::Act(Action::RandomMap),
-        ));
+        items.extend(RandomMapKind::ALL.map(|kind| {
+            let name = format!("random {}", kind.name());
+            Item::new(name, kind.about(), Choice::OpenRandom(kind))
+        }));
+        let about = format!("{} x {} cells to draw on", EMPTY_MAP.0, EMPTY_MAP.1);
+        items.push(Item::new("empty", about, Choice::OpenEmpty));
         let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
         items.extend(
             worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))),
@@ -364,36 +286,23 @@ pub fn maps(
     Picker::new(format!("open a map: {}", folder.display()), items)
 }
 
-/// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last,
-/// with the reason.
-pub fn checkpoints(found: Vec<Described>, zone: &TimeZone) -> Picker {
-    Picker::new("load a checkpoint", described(found, zone, Choice::Load))
-}
-
-/// Lists checkpoints, like [`checkpoints`], to lay the curves of one under those of the run.
-pub fn runs_to_lay_under(found: Vec<Described>, zone: &TimeZone) -> Picker {
-    Picker::new("draw behind these curves", described(found, zone, Choice::LayUnder))
-}
-
 /// A checkpoint's summary, or why it cannot be loaded.
 pub type Described = Result<Description, CheckpointError>;
 
-fn described(
-    mut found: Vec<Described>,
-    zone: &TimeZone,
-    choice: fn(PathBuf) -> Choice,
-) -> Vec<Item> {
+/// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last,
+/// with the reason.
+pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
     found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
     let name = |file: &Path| {
         file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
     };
     let item = |found: &Described| match found {
-        Ok(d) => Item::new(name(&d.file), about(d, zone), choice(d.file.clone())),
+        Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
         Err(e) => {
             Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing)
         }
     };
-    found.iter().map(item).collect()
+    Picker::new("load a checkpoint", found.iter().map(item).collect())
 }
 
 fn about(d: &Description, zone: &TimeZone) -> String {

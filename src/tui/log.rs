@@ -2,20 +2,15 @@
 
 use std::time::{Duration, Instant};
 
-use super::clock;
 use gdg::train::{LogEntry, MAX_LOG_ENTRIES};
 
-/// How long a notice and an error are shown, and how long they then fade.
-const NOTICE_DURATION: Duration = Duration::from_secs(4);
-const ERROR_DURATION: Duration = Duration::from_secs(8);
-const FADE_DURATION: Duration = Duration::from_secs(2);
+/// How long a notice and an error are shown.
+const NOTICE_DURATION: Duration = Duration::from_secs(6);
+const ERROR_DURATION: Duration = Duration::from_secs(10);
 
-/// A message to show.
 #[derive(Clone, Copy, Debug)]
 pub struct Notice<'a> {
     pub text: &'a str,
-    /// Whether it is about to disappear.
-    pub fades: bool,
     pub is_error: bool,
 }
 
@@ -24,11 +19,8 @@ pub struct Notice<'a> {
 pub struct Log {
     entries: Vec<LogEntry>,
     /// The notice, and since when it is shown.
-    notice: Option<(Instant, String)>,
-    /// Whether the notice is an error.
+    pub notice: Option<(Instant, String)>,
     is_error: bool,
-    /// Whether the notice was fading at the last tick.
-    fading: bool,
 }
 
 impl Log {
@@ -49,7 +41,7 @@ impl Log {
 
     /// Shows a notice without logging it.
     pub fn show(&mut self, text: &str, is_error: bool) {
-        (self.notice, self.is_error) = (Some((clock::now(), text.to_owned())), is_error);
+        (self.notice, self.is_error) = (Some((Instant::now(), text.to_owned())), is_error);
     }
 
     /// Logs an event at a moment of the run, in seconds of training and updates.
@@ -61,22 +53,19 @@ impl Log {
         self.entries.push(LogEntry::new(seconds, updates, text));
     }
 
-    /// Returns all entries, oldest first.
     pub fn entries(&self) -> &[LogEntry] {
         &self.entries
     }
 
     pub fn notice(&self) -> Option<Notice<'_>> {
-        let (since, text) = self.notice.as_ref()?;
-        let fades = clock::now().duration_since(*since) > self.duration();
-        Some(Notice { text, fades, is_error: self.is_error })
+        let (_, text) = self.notice.as_ref()?;
+        Some(Notice { text, is_error: self.is_error })
     }
 
     pub fn take(&mut self) -> Option<String> {
         self.notice.take().map(|(_, text)| text)
     }
 
-    /// Dismisses the notice, unless it is an error.
     pub fn dismiss(&mut self) {
         self.notice.take_if(|_| !self.is_error);
     }
@@ -86,19 +75,11 @@ impl Log {
         self.notice.take_if(|(since, _)| *since < moment);
     }
 
-    fn duration(&self) -> Duration {
-        if self.is_error { ERROR_DURATION } else { NOTICE_DURATION }
-    }
-
-    /// Handles the passing of time; returns whether the notice began to fade or disappeared.
+    /// Handles the passing of time; returns whether the notice disappears.
     pub fn on_tick(&mut self) -> bool {
-        let Some((since, _)) = &self.notice else { return false };
-        let age = clock::now().duration_since(*since);
-        if age > self.duration() + FADE_DURATION {
-            self.notice = None;
-            return true;
-        }
-        let fading = age > self.duration();
-        std::mem::replace(&mut self.fading, fading) != fading
+        let longest = if self.is_error { ERROR_DURATION } else { NOTICE_DURATION };
+        let is_old =
+            |(since, _): &mut (Instant, _)| Instant::now().duration_since(*since) > longest;
+        self.notice.take_if(is_old).is_some()
     }
 }

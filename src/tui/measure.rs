@@ -58,9 +58,6 @@ pub struct InterfaceMeasurement {
 impl MeasuredInterface {
     /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters that shows
     /// what `screen` says; training is paused.
-    ///
-    /// # Errors
-    /// Errors of the learner, or a thread that cannot be started.
     pub fn open(
         trainer: Trainer,
         (columns, rows): (u16, u16),
@@ -92,9 +89,6 @@ impl MeasuredInterface {
     }
 
     /// Trains for `time`, drawing as the interface does.
-    ///
-    /// # Errors
-    /// Errors of the screen.
     pub fn measure(&mut self, time: Duration) -> std::io::Result<InterfaceMeasurement> {
         let mut frames_us = Vec::new();
         let mut timer = FrameTimer::default();

@@ -1,6 +1,5 @@
 //! The kinds of exports to files.
 
-/// A kind of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportKind {
     /// The pane with map or arm.
@@ -32,7 +31,6 @@ impl ExportKind {
         }
     }
 
-    /// Returns the file extension.
     pub fn file_type(self) -> &'static str {
         match self {
             Self::MapPng => "png",

@@ -56,15 +56,11 @@ const WHEEL: isize = 3;
 /// What the user wishes to see instead of the list: a run, resumed, or two side by side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wish {
-    /// The run's checkpoint.
     pub file: PathBuf,
-    /// That of the other run.
     pub beside: Option<PathBuf>,
-    /// What is said first.
     pub warning: Option<String>,
 }
 
-/// What has been opened.
 pub enum Opened {
     Run(Box<Setup>),
     Comparison(Box<Contestants>),
@@ -73,9 +69,7 @@ pub enum Opened {
 /// Opens what the user wishes, and says how far it is.
 pub type Opener = Arc<dyn Fn(Wish, &Job) -> Result<Opened, Report> + Send + Sync>;
 
-/// The screen.
 pub struct RunsScreen {
-    /// The folders.
     title: String,
     /// What the thread that reads them has found.
     found: watch::Receiver<Arc<Found>>,
@@ -87,7 +81,6 @@ pub struct RunsScreen {
     /// The words that runs must have, and whether they are being typed.
     words: Input,
     is_typing: bool,
-    /// What curves show.
     curves: (Measure, Axis),
     /// A question, and the files that are deleted if the user agrees.
     deletion: Option<(String, BTreeSet<PathBuf>)>,
@@ -106,9 +99,6 @@ pub struct RunsScreen {
 
 impl RunsScreen {
     /// Begins to read the runs of folders, which `opener` opens.
-    ///
-    /// # Errors
-    /// The folders cannot be read on a thread of their own.
     pub fn open(
         folders: &[PathBuf],
         opener: Opener,
@@ -167,9 +157,6 @@ impl RunsScreen {
 
     /// Shows the list as it was left, below a notice if there is one; returns it, what the user has
     /// opened instead, and the exit status.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
     pub fn show(
         mut self,
         interface: &mut PreparedInterface,
@@ -190,13 +177,11 @@ impl RunsScreen {
         Ok((screen, opened, status))
     }
 
-    /// Has the folders read at once.
     fn look_again(&self) {
         // A thread that has ended reads nothing any more.
         let _ = self.again.send(());
     }
 
-    /// Shows what has been read.
     fn list(&mut self, found: &Found) {
         self.read = Some(found.read);
         self.list.update(&found.runs);
@@ -222,21 +207,25 @@ fn read(reader: &mut Reader, publish: &watch::Sender<Arc<Found>>) {
     });
 }
 
-/// Keys and the mouse.
 impl RunsScreen {
+    /// Shows the problem, if there is one.
+    fn tell<T>(&mut self, done: Result<T, String>) -> Option<T> {
+        done.map_err(|problem| self.log.show(&problem, true)).ok()
+    }
+
     fn on_key(&mut self, key: KeyEvent) {
         self.log.dismiss();
         let action = self.keymap.action(key, Mode::Listing);
         if let Some(help) = &mut self.help {
-            if help.on_key(key, action, self.keymap.action(key, Mode::Help)) {
+            if help.on_key(key, action) {
                 self.help = None;
             }
         } else if let Some((_, files)) = self.deletion.take() {
             if matches!(key.code, KeyCode::Char('y' | 'Y')) {
                 self.list.clear_marks();
-                let deleted = delete(&files);
-                let is_error = deleted.is_err();
-                self.log.show(&deleted.unwrap_or_else(|problem| problem), is_error);
+                if let Some(done) = self.tell(delete(&files)) {
+                    self.log.show(&done, false);
+                }
                 self.look_again();
             }
         } else if self.is_typing {
@@ -263,10 +252,7 @@ impl RunsScreen {
     fn on_key_in_words(&mut self, key: KeyEvent) {
         match key.code {
             KeyCode::Enter => self.is_typing = false,
-            KeyCode::Esc => {
-                self.is_typing = false;
-                self.words.reset();
-            }
+            KeyCode::Esc => (self.is_typing, self.words) = (false, Input::default()),
             KeyCode::Up => self.list.step(-1),
             KeyCode::Down => self.list.step(1),
             _ => drop(self.words.handle_event(&Event::Key(key))),
@@ -278,7 +264,6 @@ impl RunsScreen {
         match action {
             Action::Move(_, rows) => self.list.step(rows),
             Action::Help => self.help = Some(Help::default()),
-            Action::SearchHelp => self.help.iter_mut().for_each(|help| help.searching = true),
             Action::Close => self.close_top(),
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
@@ -301,19 +286,9 @@ impl RunsScreen {
             ListAction::Reverse => self.list.sort_by(self.list.order.0),
             ListAction::Measure => self.curves.0 = measure.next(),
             ListAction::Axis => self.curves.1 = axis.next(),
-            ListAction::Resume => self.wish(self.list.to_resume()),
-            ListAction::Compare => self.wish(self.list.to_compare()),
-            ListAction::Delete => match self.list.to_delete() {
-                Ok(deletion) => self.deletion = Some(deletion),
-                Err(problem) => self.log.show(&problem, true),
-            },
-        }
-    }
-
-    fn wish(&mut self, wish: Result<Wish, String>) {
-        match wish {
-            Ok(wish) => self.wish = Some(wish),
-            Err(problem) => self.log.show(&problem, true),
+            ListAction::Resume => self.wish = self.tell(self.list.to_resume()),
+            ListAction::Compare => self.wish = self.tell(self.list.to_compare()),
+            ListAction::Delete => self.deletion = self.tell(self.list.to_delete()),
         }
     }
 

@@ -144,10 +144,9 @@ impl Scene {
     }
 
     pub fn mode(&self, screen: &Screen) -> Mode {
-        match screen.offer {
+        match &screen.tour {
             _ if self.is_editing() => Mode::Editing,
-            _ if screen.tour.is_some() => Mode::Touring,
-            Some(_) => Mode::Offered,
+            Some(_) => Mode::Touring,
             None => Mode::Watching,
         }
     }

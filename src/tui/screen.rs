@@ -4,9 +4,8 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::clock;
-use super::config::{UiConfig, used_path};
-use super::dialog::{Dialog, ListKind, Picker};
+use super::config::UiConfig;
+use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
 use super::keymap::Keymap;
 use super::layers::Overlays;
@@ -14,15 +13,11 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
 use super::theme::{ColourDepth, Theme};
-use crate::experiment::runs::SavedRun;
 use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
-use gdg::files::write_atomically;
 use gdg::text::grouped;
-use gdg::train::{
-    Description, FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world,
-};
+use gdg::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
 use gdg::viewer::{Field, OnArrival};
 
 /// How long the interface waits for what is done on another thread before it goes on.
@@ -41,11 +36,8 @@ pub struct Screen {
     /// The names of the run's settings that differ from those of its preset.
     pub changed_settings: HashSet<String>,
     pub log: Log,
-    /// The field shown by the colours.
     pub field: Field,
-    /// The overlays drawn over the colours.
     pub overlays: Overlays,
-    /// What the map is drawn with.
     pub marker: Marker,
     /// The terminal's graphics capabilities, if it shows pictures.
     pub graphics: Option<Graphics>,
@@ -56,11 +48,8 @@ pub struct Screen {
     pub maximised: bool,
     /// How far back curves and log are scrolled, in pages.
     pub scrolled: usize,
-    /// Whether curves are drawn on logarithmic scales.
-    pub log_scale: bool,
     /// What the walking agent does at the goal.
     pub on_arrival: OnArrival,
-    /// The open dialogs, topmost last.
     pub dialogs: Vec<Dialog>,
     /// Whether the trainer has been asked to pause.
     pub pausing: bool,
@@ -70,7 +59,6 @@ pub struct Screen {
     pub evaluating: Option<String>,
     /// Whether the map is drawn for a file, which has no keys.
     pub on_paper: bool,
-    /// Whether the screen is frozen.
     pub frozen: bool,
     /// Minimum upper end of the colour scale, which the screens of a comparison share.
     pub least_farthest: f32,
@@ -78,26 +66,21 @@ pub struct Screen {
     pub least_contour_interval: f32,
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
-    /// The saved run that is offered.
-    pub offer: Option<Description>,
     /// Since when the line over the map is shown, until it goes away.
     pub banner: Option<Instant>,
     /// The frame of the film shown instead of the present.
     pub past: Option<Arc<FilmFrame>>,
-    /// The saved run whose curves are under those of this one.
-    pub under: Option<Arc<SavedRun>>,
     /// The step of the guided tour, while it lasts.
     pub tour: Option<ShownStep>,
     /// The bridge search that the tour explains, instead of the latest.
     pub explained: Option<Arc<SearchOutcome>>,
-    /// Whether the interface has never been used: a hint explains the screen.
-    pub first_run: bool,
+    /// Whether a hint explains the screen, until a goal is set.
+    pub explains: bool,
     /// Where things were last drawn.
     pub layout: ScreenLayout,
 }
 
 impl Screen {
-    /// Creates a screen that shows `snapshot`.
     pub fn new(config: &UiConfig, keymap: Keymap, snapshot: Arc<Snapshot>) -> Self {
         let theme = Theme::new(config.theme, ColourDepth::detect());
         let mut screen = Self {
@@ -115,7 +98,6 @@ impl Screen {
             pane: Pane::default(),
             maximised: false,
             scrolled: 0,
-            log_scale: false,
             on_arrival: OnArrival::default(),
             dialogs: Vec::new(),
             pausing: false,
@@ -126,20 +108,17 @@ impl Screen {
             least_farthest: 0.0,
             least_contour_interval: 0.0,
             following: None,
-            offer: None,
-            banner: Some(clock::now()),
+            banner: Some(Instant::now()),
             past: None,
-            under: None,
             tour: None,
             explained: None,
-            first_run: false,
+            explains: false,
             layout: ScreenLayout::default(),
         };
         screen.update_changed_settings();
         screen
     }
 
-    /// Returns the settings of `preset` in the world shown.
     pub fn settings_of(&self, preset: Preset) -> Settings {
         settings_in_world(preset, self.snapshot.world_defaults)
     }
@@ -179,39 +158,19 @@ impl Screen {
         self.dialogs.push(dialog.into());
     }
 
-    pub fn list_of(&mut self, kind: ListKind) -> Option<&mut Picker> {
-        self.dialogs.iter_mut().find_map(|dialog| match dialog {
-            Dialog::Pick(picker) if picker.kind == kind => Some(picker),
-            _ => None,
-        })
-    }
-
     /// Scrolls curves and log by pages: back if negative.
     pub fn scroll(&mut self, pages: isize) {
         self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }
 
-    /// Hides the hint that explains the screen, now and in later runs.
-    pub fn on_first_use(&mut self) {
-        if std::mem::take(&mut self.first_run)
-            && let Some(path) = used_path()
-        {
-            // Ignored: the hint would merely be shown again.
-            let _ = write_atomically(&path, b"");
-        }
-    }
-
     /// Shows what there is to say in the line over the map, for a while.
     pub fn show_banner(&mut self) {
-        self.banner = Some(clock::now());
+        self.banner = Some(Instant::now());
     }
 
     /// Takes the line over the map away once it has been there for a while; returns whether it has.
     pub fn drop_old_banner(&mut self) -> bool {
-        let is_old = |since: &mut Instant| clock::now().duration_since(*since) > BANNER_DURATION;
-        let dropped = self.banner.take_if(is_old).is_some();
-        self.offer.take_if(|_| dropped);
-        dropped
+        self.banner.take_if(|since| since.elapsed() > BANNER_DURATION).is_some()
     }
 
     pub fn unsaved_updates(&self) -> u64 {
@@ -276,11 +235,9 @@ impl Screen {
 /// A caption and its subject.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Caption {
-    /// Two or three short sentences.
     pub text: String,
     /// Positions that the box never covers; it points to the first.
     pub subject: Vec<[f32; 2]>,
-    /// Signs drawn on the map.
     pub marks: Vec<([f32; 2], char)>,
     /// Whether its subject is currently visible.
     pub seen: bool,

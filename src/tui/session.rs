@@ -14,7 +14,7 @@ pub mod view;
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::Frame;
@@ -22,9 +22,8 @@ use ratatui::layout::Position;
 use tokio::sync::watch;
 
 use super::action::{Action, Binding, Mode, binding_of};
-use super::clock;
 use super::config::UiConfig;
-use super::dialog::{Choice, Dialog, ListKind};
+use super::dialog::Dialog;
 use super::interface::TerminalRequest;
 use super::keymap::Keymap;
 use super::layer::draw_dialog;
@@ -34,17 +33,16 @@ use super::lists;
 use super::render;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::{PATIENCE, Screen};
-use super::theme::ThemeName;
-use files::{Exports, Search, Show};
+use files::Show;
 use gdg::engine::{Command, EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
 use gdg::train::SaveTo;
 use gdg::viewer::{Field, Request, View, Viewer};
-use saving::{Saver, is_worth_saving};
-#[cfg(test)]
-pub use tour::ALL_STEPS;
+use saving::Saver;
 use tour::Guide;
+#[cfg(test)]
+pub use tour::STEPS as ALL_STEPS;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
 /// What commands act on: the screen, what is drawn in the place of the map, and the ways to trainer
@@ -53,6 +51,7 @@ pub struct Cx {
     pub screen: Screen,
     pub scene: Scene,
     pub link: Link,
+    pub writing: Option<Running<Show>>,
     /// The map or checkpoints that are being read, and how long to wait for them before the
     /// interface goes on.
     pub reading: Option<Running<Show>>,
@@ -71,11 +70,11 @@ impl Cx {
     }
 
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.link.engine().snapshots()
+        self.link.engine.snapshots()
     }
 
     pub fn views(&self) -> watch::Receiver<View> {
-        self.link.viewer().views()
+        self.link.viewer.views()
     }
 
     pub fn act_in_scene(&mut self, action: Action) {
@@ -98,18 +97,11 @@ pub struct Session {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<View>,
     pub saver: Saver,
-    pub exports: Exports,
-    /// Looks for a saved run to offer.
-    pub search: Option<Search>,
     pub guide: Guide,
     /// What the terminal has been asked to do.
     pub terminal_request: Option<TerminalRequest>,
     /// What the next frame can reuse.
     pub cache: Cache,
-    /// The theme in use, while others are shown that are selected in the list of themes.
-    pub previewed_over: Option<ThemeName>,
-    /// What had been typed when an item was picked from a list.
-    pub typed: String,
     /// Whether the screen was frozen when that was last looked at.
     was_frozen: bool,
 }
@@ -144,6 +136,7 @@ impl Session {
             scene: Scene::of(&snapshot),
             link: Link::new(engine, viewer, &snapshot),
             screen: Screen::new(config, keymap, snapshot),
+            writing: None,
             reading: None,
             reading_patience: PATIENCE,
         };
@@ -152,13 +145,9 @@ impl Session {
             snapshots,
             views,
             saver: Saver::new(save, config.autosave_minutes),
-            exports: Exports::default(),
-            search: None,
             guide: Guide::default(),
             terminal_request: None,
             cache: Cache::with_pictures(),
-            previewed_over: None,
-            typed: String::new(),
             was_frozen: false,
         };
         session.start_run();
@@ -169,7 +158,7 @@ impl Session {
         let Self { cx, saver, guide, .. } = self;
         saver.start_run(&cx.screen.snapshot);
         cx.screen.log.start_run(&cx.screen.snapshot.notes.log);
-        (cx.screen.following, cx.screen.offer) = (None, None);
+        cx.screen.following = None;
         guide.forget(&mut cx.screen);
         cx.return_to_present();
         cx.screen.layout = ScreenLayout::default();
@@ -181,9 +170,6 @@ impl Session {
         cx.link.request(Request::Field(cx.screen.field));
         cx.link.request(Request::OnArrival(cx.screen.on_arrival));
         cx.scene.start(&mut cx.screen, &mut cx.link);
-        if std::mem::take(&mut guide.is_requested) {
-            self.begin_tour();
-        }
         self.thaw();
     }
 
@@ -202,11 +188,6 @@ impl Session {
         }
     }
 
-    pub fn end_event(&mut self) {
-        self.typed.clear();
-        self.thaw();
-    }
-
     pub fn mode(&self) -> Mode {
         self.scene.mode(&self.screen)
     }
@@ -218,10 +199,7 @@ impl Session {
     pub fn open(&mut self, dialog: impl Into<Dialog>) {
         self.screen.open(dialog);
     }
-}
 
-/// Actions.
-impl Session {
     pub fn act(&mut self, action: Action) {
         let Some(binding) = binding_of(action) else { return };
         if !self.scene.offers(action) {
@@ -230,7 +208,7 @@ impl Session {
         if binding.is_about_present {
             time::leave_past(self);
         }
-        let (began, dialogs) = (clock::now(), self.screen.dialogs.len());
+        let (began, dialogs) = (Instant::now(), self.screen.dialogs.len());
         (binding.run)(self, action);
         if self.screen.dialogs.len() > dialogs {
             // An error that was there before says nothing about the new dialog.
@@ -245,39 +223,10 @@ impl Session {
         self.screen.notify(&text);
     }
 
-    pub fn act_in_scene(&mut self, action: Action) {
-        self.cx.act_in_scene(action);
-    }
-
     /// Performs an action on the goal, after which nobody needs a hint how to set it.
     pub fn act_on_goal(&mut self, action: Action) {
-        self.screen.on_first_use();
+        self.screen.explains = false;
         self.cx.act_in_scene(action);
-    }
-
-    /// Lists the settings; what has just been typed may name one.
-    pub fn open_settings(&mut self) {
-        let mut list = lists::settings(&self.screen);
-        list.search_names(&self.typed);
-        self.open(list);
-    }
-
-    pub fn search_help(&mut self) {
-        if let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() {
-            help.searching = true;
-        }
-    }
-
-    pub fn resume_offered(&mut self) {
-        match self.screen.offer.take() {
-            Some(found) => self.choose(Choice::Load(found.file)),
-            None => self.act(Action::Load),
-        }
-    }
-
-    pub fn offer_tour(&mut self) {
-        let choices = lists::tour_choices(&self.screen.latest, is_worth_saving(self));
-        self.open(choices);
     }
 
     pub fn ask_terminal(&mut self, request: TerminalRequest) {
@@ -292,10 +241,7 @@ impl Session {
         self.catch_up();
         self.saver.quit(&mut self.cx);
     }
-}
 
-/// The mouse, where nothing is clickable: the scene handles most of it.
-impl Session {
     pub fn on_mouse(&mut self, kind: MouseEventKind, at: Position) {
         if self.moves_tour_on(kind) {
             return;
@@ -307,13 +253,6 @@ impl Session {
         match kind {
             MouseEventKind::ScrollUp => screen.scroll(-1),
             MouseEventKind::ScrollDown => screen.scroll(1),
-            MouseEventKind::Down(MouseButton::Left | MouseButton::Right)
-                if !screen.maximised
-                    && (scene.is_editing() || screen.layout.map_pane.contains(at)) =>
-            {
-                let drawn = if scene.maze().is_some() { "map" } else { "picture" };
-                screen.say(&format!("a click outside of the {drawn} changes nothing"));
-            }
             _ => {}
         }
     }
@@ -332,10 +271,7 @@ impl Session {
         }
         !last
     }
-}
 
-/// Time, trainer and viewer.
-impl Session {
     /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
     pub async fn update(&mut self) {
         tokio::select! {
@@ -355,15 +291,14 @@ impl Session {
 
     /// Handles the passing of time; returns whether the screen changes.
     pub fn on_tick(&mut self) -> bool {
-        let Self { cx, exports, saver, search, guide, .. } = self;
-        exports.on_tick(cx);
+        let Self { cx, saver, guide, .. } = self;
         saver.on_tick(cx);
-        let offer_changed = files::offer_on_tick(search, &mut cx.screen);
+        let dropped = cx.screen.drop_old_banner();
         let tour_changed = guide.on_tick(cx);
         let log_changed = cx.screen.log.on_tick();
         let read = files::on_tick(cx);
         let busy_changed = self.update_busy();
-        read || log_changed || offer_changed || tour_changed || busy_changed
+        read || log_changed || dropped || tour_changed || busy_changed
     }
 
     /// Looks at what the trainer is doing; returns whether the screen changes.
@@ -384,19 +319,16 @@ impl Session {
         self.show_snapshot(&before);
         let then = self.saver.on_snapshot(&before, &mut self.cx);
         then.into_iter().for_each(|then| self.choose(then));
-        let Self { cx, saver, guide, .. } = self;
+        let Self { cx, saver, .. } = self;
         let latest = cx.screen.latest.clone();
         cx.screen.pausing &= latest.phase.is_training();
         let notice = &latest.notice;
         if notice.number > before.notice.number {
             if notice.is_error {
-                saver.autosave.failed();
                 cx.screen.report(&notice.text);
             } else {
                 cx.screen.notify(&notice.text);
             }
-            // A run that cannot be started is no tour.
-            guide.is_requested &= !notice.is_error;
         }
         match &latest.phase {
             Phase::Failed(error) if before.phase != latest.phase => {
@@ -430,22 +362,12 @@ impl Session {
         }
         if self.screen.latest.run != before.run {
             self.screen.update_changed_settings();
-            self.refresh(ListKind::Settings);
-        }
-        self.refresh(ListKind::Quit);
-    }
-
-    fn refresh(&mut self, kind: ListKind) {
-        if self.screen.list_of(kind).is_none() {
-            return;
-        }
-        let items = match kind {
-            ListKind::Settings => lists::setting_items(&self.screen),
-            ListKind::Quit => self.saver.quit_question(&self.cx).into_items(),
-            ListKind::Plain => return,
-        };
-        if let Some(list) = self.screen.list_of(kind) {
-            list.update(items);
+            let items = lists::setting_items(&self.screen);
+            let lists = self.screen.dialogs.iter_mut().filter_map(|dialog| match dialog {
+                Dialog::Pick(picker) if picker.are_settings => Some(picker),
+                _ => None,
+            });
+            lists.for_each(|list| list.update(items.clone()));
         }
     }
 
@@ -464,10 +386,7 @@ impl Session {
             scene.show(view, screen, link);
         }
     }
-}
 
-/// Drawing.
-impl Session {
     pub fn draw(&mut self, frame: &mut Frame) {
         self.cache.begin();
         let Cx { screen, scene, .. } = &self.cx;

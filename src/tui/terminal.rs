@@ -5,7 +5,6 @@ use std::cell::RefCell;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
-use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -69,7 +68,16 @@ pub struct Stage {
 }
 
 impl Stage {
+    /// A panic restores the terminal before it prints its message.
     pub fn new(marker: Marker, termination: TerminationSignal) -> Self {
+        let before = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            // When another thread panics, the interface keeps running and reports it.
+            if std::thread::current().name() == Some("main") {
+                restore();
+            }
+            before(info);
+        }));
         Self { marker, termination, open: None, summaries: String::new() }
     }
 
@@ -149,17 +157,22 @@ async fn event_loop(
     while !app.is_done() && termination.number().is_none() {
         let mut request = None;
         tokio::select! {
-            event = terminal.next_event() => match event? {
-                TerminalEvent::Request(signalled) => request = Some(signalled),
-                TerminalEvent::Input(event) => {
+            input = terminal.input.next() => match input? {
+                Input::Reply(reply) => terminal.take_reply(&reply),
+                Input::Event(event) => {
                     app.on_event(&event);
                     timer.immediate = true;
                     let is_moving = |mouse: MouseEvent| mouse.kind == MouseEventKind::Moved;
                     if !event.as_mouse_event().is_some_and(is_moving) {
-                        terminal.expect_answer();
+                        // The next frame updates all pictures.
+                        terminal.patches.iter_mut().for_each(Patches::wake);
                     }
                 }
             },
+            Some(()) = terminal.stop.recv() => request = Some(TerminalRequest::Suspend),
+            // After a stop that the program could not prepare for.
+            Some(()) = terminal.continued.recv() => request = Some(TerminalRequest::Redraw),
+            Some(()) = terminal.resized.recv() => request = Some(TerminalRequest::Resize),
             () = app.update() => timer.changed = true,
             () = tokio::time::sleep(timer.until_due()) => {}
         }
@@ -227,12 +240,6 @@ impl FrameTimer {
     }
 }
 
-/// What comes from the terminal.
-enum TerminalEvent {
-    Input(Event),
-    Request(TerminalRequest),
-}
-
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
@@ -274,20 +281,9 @@ impl Write for Output {
 }
 
 impl Terminal {
-    /// Sets up the terminal. A panic restores it before printing its message. Queries its graphics
-    /// capabilities unless `marker` makes that pointless.
+    /// Sets up the terminal, and queries its graphics capabilities unless `marker` makes that
+    /// pointless.
     fn enter(marker: Marker) -> std::io::Result<Self> {
-        static HOOK: Once = Once::new();
-        HOOK.call_once(|| {
-            let before = std::panic::take_hook();
-            std::panic::set_hook(Box::new(move |info| {
-                // When another thread panics, the interface keeps running and reports it.
-                if std::thread::current().name() == Some("main") {
-                    restore();
-                }
-                before(info);
-            }));
-        });
         let asks = graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let output = Output::default();
         let enter = || {
@@ -321,27 +317,6 @@ impl Terminal {
             Err(_) => restore(),
         }
         entered
-    }
-
-    /// Waits for the next event of the user, or of what a signal asks for. Nothing is lost if the
-    /// future is dropped.
-    async fn next_event(&mut self) -> std::io::Result<TerminalEvent> {
-        loop {
-            let request = tokio::select! {
-                input = self.input.next() => match input? {
-                    Input::Event(event) => return Ok(TerminalEvent::Input(event)),
-                    Input::Reply(reply) => {
-                        self.take_reply(&reply);
-                        continue;
-                    }
-                },
-                Some(()) = self.stop.recv() => TerminalRequest::Suspend,
-                // After a stop that the program could not prepare for.
-                Some(()) = self.continued.recv() => TerminalRequest::Redraw,
-                Some(()) = self.resized.recv() => TerminalRequest::Resize,
-            };
-            return Ok(TerminalEvent::Request(request));
-        }
     }
 
     /// Handles a reply of the terminal, and shows pictures from then on if it supports them.
@@ -390,11 +365,6 @@ impl Terminal {
         events
     }
 
-    /// Handles user input: the next frame updates all pictures.
-    fn expect_answer(&mut self) {
-        self.patches.iter_mut().for_each(Patches::wake);
-    }
-
     /// Draws one frame, shown all at once if the terminal supports it; returns whether it has. It
     /// has not if the terminal has not read the previous one, or is the shell's while this program
     /// runs in the background.
@@ -429,28 +399,22 @@ impl Terminal {
             self.patches.as_ref().map_or(Redraw::All, |patches| patches.redraw(is_training));
         interface.set_graphics(self.graphics, redraw);
         queue!(self.output, BeginSynchronizedUpdate)?;
-        self.draw_within_update(interface)?;
+        let began = Instant::now();
+        let frame = self.inner.draw(|frame| interface.draw(frame))?;
+        if let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) {
+            let bytes = patches.update(&interface.pictures(), frame.buffer, graphics)?;
+            if !bytes.is_empty() {
+                if graphics.protocol == Protocol::Kitty {
+                    SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
+                }
+                let parts = [SAVE_CURSOR, &bytes, RESTORE_CURSOR];
+                self.output.0.borrow_mut().extend(parts.concat());
+                self.pictures_sent = Some((began.elapsed(), is_training));
+            }
+        }
         queue!(self.output, EndSynchronizedUpdate)?;
         writer.send(&self.output.0.take())?;
         Ok(true)
-    }
-
-    fn draw_within_update(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
-        let began = Instant::now();
-        let frame = self.inner.draw(|frame| interface.draw(frame))?;
-        let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else {
-            return Ok(());
-        };
-        let bytes = patches.update(&interface.pictures(), frame.buffer, graphics)?;
-        if !bytes.is_empty() {
-            if graphics.protocol == Protocol::Kitty {
-                SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
-            }
-            let parts = [SAVE_CURSOR, &bytes, RESTORE_CURSOR];
-            self.output.0.borrow_mut().extend(parts.concat());
-            self.pictures_sent = Some((began.elapsed(), interface.is_training()));
-        }
-        Ok(())
     }
 
     /// Restores the terminal and stops this program until it is resumed. Returns whether it did: it
@@ -472,7 +436,6 @@ impl Terminal {
         Ok(true)
     }
 
-    /// Sets the terminal up again.
     fn open_again(&mut self) -> std::io::Result<()> {
         // crossterm skips modes that it believes to be set.
         let _ = disable_raw_mode();
@@ -590,14 +553,6 @@ fn is_resumable() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn pictures_are_deleted_before_the_screen_is_left() {
-        let text = String::from_utf8(leaving(true)).expect("text");
-        let (deleted, left) = (text.find("\x1b_Ga=d,d=A"), text.find("\x1b[?1049l"));
-        assert!(deleted == Some(0) && left.is_some() && text.contains("\x1b[2J"), "{text:?}");
-        assert!(!String::from_utf8(leaving(false)).expect("text").contains("\x1b_G"));
-    }
 
     #[test]
     fn a_frame_that_could_not_be_drawn_stays_due_after_its_interval() {

@@ -4,8 +4,6 @@ mod actions;
 mod arm;
 mod compare;
 mod dialogs;
-mod drawing;
-mod editing;
 mod found;
 mod goals;
 mod mouse;
@@ -17,7 +15,6 @@ pub(super) mod screens;
 mod staged;
 mod table;
 mod tour;
-mod walls;
 
 use std::collections::BTreeMap;
 use std::ops::{Deref, DerefMut};
@@ -44,7 +41,6 @@ use super::interface::Interface;
 use super::keymap::Keymap;
 use super::output::ExportKind;
 use super::scene::{MazeState, Scene, SpaceState};
-use super::session::files::offer;
 use super::session::{Cx, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
@@ -65,39 +61,28 @@ const ROOMS: &str = "\
 ..........#........G
 ";
 
-fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
-    app_in(&PointMaze::new(Arc::new(map), 0), method, limits, save)
-}
-
-fn app_in(world: &dyn Environment, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
-    app_of(trainer_in(world, method, &Registry::builtin()), limits, save)
-}
-
-/// Creates a trainer with small networks, whose learner is in `registry`.
-fn trainer_in(world: &dyn Environment, method: Method, registry: &Arc<Registry>) -> Trainer {
-    seeded_trainer(world, method, registry, 1)
-}
-
-fn seeded_trainer(
-    world: &dyn Environment,
-    method: Method,
-    registry: &Arc<Registry>,
-    seed: u64,
-) -> Trainer {
+/// Creates a trainer with small networks.
+fn trainer_in(world: &dyn Environment, method: Method, seed: u64) -> Trainer {
+    let registry = Registry::builtin();
     let preset = registry.preset_of(&method);
     let mut settings = preset.settings();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
     settings.bridge.candidates = 40;
-    Trainer::new(Run { method, preset, seed, settings }, world, registry, 1).expect("a trainer")
+    Trainer::new(Run { method, preset, seed, settings }, world, &registry, 1).expect("a trainer")
 }
 
-fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
-    let engine = Engine::start(trainer, limits).expect("an engine");
+/// Returns an app that trains up to so many updates, if they are limited.
+fn app_in(
+    world: &dyn Environment,
+    method: Method,
+    updates: Option<u64>,
+    save: Option<PathBuf>,
+) -> App {
+    let limits = Limits { updates, ..Limits::default() };
+    let engine = Engine::start(trainer_in(world, method, 1), limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let mut app = app_with(engine.link(), viewer, save.map(SaveTo::CreateNew));
-    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    app.reading_patience = Duration::from_secs(20);
     // Tests that fail while a run is saved leave nothing in the repository.
     app.saver.folder = std::env::temp_dir().join("gdg-tui-tests");
     let Session { saver, cx, .. } = &mut *app;
@@ -106,7 +91,24 @@ fn app_of(trainer: Trainer, limits: Limits, save: Option<PathBuf>) -> App {
 }
 
 fn app_with(engine: EngineLink, viewer: Viewer, save: Option<SaveTo>) -> App {
-    App::new(Session::new(engine, viewer, &UiConfig::default(), keymap(), save))
+    let mut app = App::new(Session::new(engine, viewer, &UiConfig::default(), keymap(), save));
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+    app.reading_patience = Duration::from_secs(20);
+    app
+}
+
+fn app_on(map: Grid, method: Method) -> App {
+    app_in(&PointMaze::new(Arc::new(map), 0), method, None, None)
+}
+
+fn app() -> App {
+    app_on(rooms(), Method::default())
+}
+
+/// Returns an app on the rooms that saves them to a file.
+fn app_saving_to(path: &Path, method: Method, updates: Option<u64>) -> App {
+    let world = PointMaze::new(Arc::new(rooms()), 0);
+    app_in(&world, method, updates, Some(path.to_owned()))
 }
 
 /// Tests of a single run look into it.
@@ -236,21 +238,17 @@ impl Still {
 }
 
 fn still_in(world: &dyn Environment, method: Method) -> Still {
-    still_of(&trainer_in(world, method, &Registry::builtin()))
+    still_at(Snapshot::capture(&trainer_in(world, method, 1)).expect("a snapshot"))
 }
 
-fn still_of(trainer: &Trainer) -> Still {
-    let snapshot = Arc::new(Snapshot::capture(trainer).expect("a snapshot"));
+fn still_at(snapshot: Snapshot) -> Still {
     let (sender, commands) = sync_channel(64);
     let (request, requests) = channel();
-    let (publish, snapshots) = watch::channel(snapshot);
+    let (publish, snapshots) = watch::channel(Arc::new(snapshot));
     let (show, views) = watch::channel(View::default());
     let job = Job::default();
     let engine = EngineLink::new(sender, snapshots, job.clone());
-    let viewer = Viewer::new(request, views);
-    let mut app = app_with(engine, viewer, None);
-    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-    app.reading_patience = Duration::from_secs(20);
+    let app = app_with(engine, Viewer::new(request, views), None);
     Still { app, commands, requests, snapshots: publish, _views: show, job }
 }
 
@@ -285,16 +283,8 @@ fn gdg() -> Method {
     "gdg".parse().expect("a method")
 }
 
-fn app_on(map: Grid, method: Method) -> App {
-    app_saving_to(map, method, Limits::default(), None)
-}
-
 fn rooms() -> Grid {
     parse_map("rooms", ROOMS.as_bytes()).expect("a map")
-}
-
-fn app() -> App {
-    app_on(rooms(), Method::default())
 }
 
 /// What keys are pressed on, and what is drawn.
@@ -397,10 +387,6 @@ fn enter(app: &mut (impl Driven + ?Sized), text: &str) {
     press(app, KeyCode::Enter);
 }
 
-fn stopped(map: Grid, method: Method, save: Option<PathBuf>) -> App {
-    app_saving_to(map, method, Limits { updates: Some(0), ..Limits::default() }, save)
-}
-
 /// Applies what engine and viewer publish until `is` holds.
 fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
     let (snapshots, views) = (app.snapshots(), app.views());
@@ -412,20 +398,6 @@ fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
         app.on_snapshot(snapshot);
         app.on_view(view);
     }
-}
-
-#[test]
-fn arrow_keys_move_the_goal_and_jump_over_walls() {
-    let mut app = still();
-    assert_eq!(app.maze().goal, Cell::new(19, 4), "the map's own goal");
-    for _ in 0..9 {
-        press(&mut app, KeyCode::Left);
-    }
-    assert_eq!(app.maze().goal, Cell::new(9, 4), "over the wall at column 10");
-    press(&mut app, KeyCode::Down);
-    assert_eq!(app.maze().goal, Cell::new(9, 4), "the map ends here");
-    press(&mut app, KeyCode::Char('k'));
-    assert_eq!(app.maze().goal, Cell::new(9, 3));
 }
 
 #[test]
@@ -454,26 +426,6 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
 }
 
 #[test]
-fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
-    let mut app = app();
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
-    type_text(&mut app, ":");
-    type_text(&mut app, "empty map");
-    press(&mut app, KeyCode::Enter);
-    enter(&mut app, "12 x 7");
-    // Choose to start with new networks.
-    press(&mut app, KeyCode::Enter);
-    wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
-    assert_eq!((app.maze().map.width(), app.maze().map.height()), (12, 7));
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| {
-        app.screen.snapshot.counters.updates > 20 && !app.maze().view.field.is_empty()
-    });
-    draw(&mut app, 80, 24);
-}
-
-#[test]
 fn the_walking_agent_can_visit_one_goal_after_another() {
     let mut app = app();
     draw(&mut app, 80, 24);
@@ -484,27 +436,4 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     wait_until(&mut app, |app| {
         app.maze().view.walk.finished_walks.0 >= 1 && app.maze().goal != first
     });
-}
-
-#[test]
-fn method_and_preset_can_change_during_training_and_keep_the_data() {
-    let mut app = app();
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 50);
-    let stored = app.screen.snapshot.replay.0;
-    for (name, pick) in [("another method", "sorb"), ("of a preset", "paper")] {
-        press(&mut app, KeyCode::Char(':'));
-        type_text(&mut app, name);
-        press(&mut app, KeyCode::Enter);
-        type_text(&mut app, pick);
-        press(&mut app, KeyCode::Enter);
-        wait_until(&mut app, |app| {
-            app.screen.run().method.name() == "sorb"
-                && (name != "of a preset" || app.screen.run().preset == Preset::Paper)
-        });
-        let updates = app.screen.snapshot.counters.updates;
-        assert!(app.screen.snapshot.replay.0 > stored / 2, "the data is kept");
-        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
-        draw(&mut app, 80, 24);
-    }
 }

@@ -28,15 +28,16 @@ impl Tool {
         Self::Goal,
     ];
 
-    pub fn mouse(self) -> &'static str {
+    /// Returns its name, and what the mouse does with it.
+    pub fn about(self) -> (&'static str, &'static str) {
         match self {
-            Self::Pencil => "drag: walls, right drag: floor",
-            Self::Eraser => "drag: floor",
-            Self::Line => "drag: a wall, right drag: floor",
-            Self::Rectangle => "drag: an outline, right drag: floor",
-            Self::Fill => "click: fill, or clear a wall",
-            Self::Start => "click: add or remove s, drag: move",
-            Self::Goal => "click: add or remove g, drag: move",
+            Self::Pencil => ("wall", "drag: walls, right drag: floor"),
+            Self::Eraser => ("floor", "drag: floor"),
+            Self::Line => ("line", "drag: a wall, right drag: floor"),
+            Self::Rectangle => ("box", "drag: an outline, right drag: floor"),
+            Self::Fill => ("fill", "click: fill, or clear a wall"),
+            Self::Start => ("start", "click: add or remove s, drag: move"),
+            Self::Goal => ("goal", "click: add or remove g, drag: move"),
         }
     }
 
@@ -47,18 +48,6 @@ impl Tool {
             Self::Start => Some("a start needs floor"),
             Self::Goal => Some("a goal needs floor"),
             Self::Pencil | Self::Eraser | Self::Line | Self::Rectangle => None,
-        }
-    }
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pencil => "wall",
-            Self::Eraser => "floor",
-            Self::Line => "line",
-            Self::Rectangle => "box",
-            Self::Fill => "fill",
-            Self::Start => "start",
-            Self::Goal => "goal",
         }
     }
 }

@@ -29,6 +29,7 @@ class Point(gym.Env):
     """A well-behaved environment; the others change one thing each."""
 
     metadata = {"render_modes": ["rgb_array"]}
+    distance_threshold = RADIUS
 
     def __init__(self, render_mode=None):
         box = lambda size: gym.spaces.Box(-SIDE, SIDE, (size,), np.float64)
@@ -81,9 +82,6 @@ class Point(gym.Env):
     def misbehave(self):
         pass
 
-    def compute_reward(self, achieved, desired, info):
-        return -float(np.linalg.norm(np.subtract(achieved, desired)) > RADIUS)
-
 
 class Raises(Point):
     def misbehave(self):
@@ -131,9 +129,8 @@ class Hangs(Point):
         ctypes.PyDLL(None).sleep(1000)
 
 
-class Simulator(Hangs):
-    """Has a process that close() ends, two and a folder that go as its own process ends: one of them
-    in a process group of its own.
+class Simulator(Point):
+    """Has a process that close() ends, and two and a folder that go as its own process ends.
 
     Lists in a file who they are, and says there when it begins to hang.
     """
@@ -145,7 +142,7 @@ class Simulator(Hangs):
         self.daemon = fork.Process(target=time.sleep, args=(1000,), daemon=True)
         self.daemon.start()
         self.folder = tempfile.TemporaryDirectory()
-        helper = subprocess.Popen(["sleep", "1000"], preexec_fn=os.setpgrp)
+        helper = subprocess.Popen(["sleep", "1000"])
         self.note(os.getpid(), self.simulator.pid, self.daemon.pid, helper.pid, self.folder.name)
 
     def note(self, *words):
@@ -154,7 +151,7 @@ class Simulator(Hangs):
 
     def misbehave(self):
         self.note("hangs")
-        super().misbehave()
+        time.sleep(1000)
 
     def close(self):
         self.note("closed")
@@ -284,26 +281,6 @@ class Whole(Point):
         self.action_space = gym.spaces.Box(-1, 1, (2,), np.int64)
 
 
-class OldStep(Point):
-    def step(self, action):
-        return (*super().step(action)[:3], {})
-
-
-class OldReset(Point):
-    def reset(self):
-        return super().reset()[0]
-
-
-class NoInfo(Point):
-    def reset(self, seed=None, options=None):
-        return super().reset(seed=seed)[0]
-
-
-class Refuses(Point):
-    def compute_reward(self, achieved, desired, info):
-        return -float(info["distance"] > RADIUS)
-
-
 class Discrete(Point):
     def __init__(self, **how):
         super().__init__(**how)
@@ -333,8 +310,7 @@ class Goalless(Point):
 class Dense(Point):
     """Does not say when a goal is reached."""
 
-    def compute_reward(self, achieved, desired, info):
-        return -float(np.linalg.norm(np.subtract(achieved, desired)))
+    distance_threshold = None
 
 
 class Zero(Dense):

@@ -362,17 +362,15 @@ impl Worker {
 
     fn report_step(&mut self) {
         let counters = self.trainer.counters();
-        let text = match &self.current.phase {
-            Phase::Stepping(Step::Update) if self.trainer.learns() => {
-                format!("update {} done", grouped(self.trainer.learned_updates()))
-            }
-            Phase::Stepping(Step::Update) => {
-                format!(
-                    "no update, as this method does not learn; {} steps so far",
-                    grouped(counters.env_steps)
-                )
-            }
-            _ => format!("episode {} ended", grouped(counters.episodes)),
+        let (is_update, learns) =
+            (self.current.phase == Phase::Stepping(Step::Update), self.trainer.learns());
+        let text = match (is_update, learns) {
+            (true, true) => format!("update {} done", grouped(self.trainer.learned_updates())),
+            (true, false) => format!(
+                "no update, as this method does not learn; {} steps so far",
+                grouped(counters.env_steps)
+            ),
+            (false, _) => format!("episode {} ended", grouped(counters.episodes)),
         };
         self.notify(text);
     }

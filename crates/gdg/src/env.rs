@@ -5,14 +5,12 @@
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
 mod abilities;
-mod error;
 pub mod fetch_reach;
 mod goal_space;
 pub mod gym;
 pub mod maze;
 mod region;
 mod task;
-mod walls;
 
 use std::any::Any;
 use std::sync::Arc;
@@ -23,25 +21,66 @@ use serde::{Deserialize, Serialize};
 
 use crate::job::Job;
 use crate::map::Grid;
-use crate::store::Store;
+use crate::store::{Store, StoreError};
 pub use abilities::{
     Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, Recorded, Rendered,
     Rendering,
 };
 pub use abilities::{MAX_PROBES, Probes};
-pub use error::EnvError;
 pub use fetch_reach::{ArmScene, FetchReach};
-pub use goal_space::GoalSpace;
+pub use goal_space::{GoalSpace, Walls};
 pub use gym::GymOptions;
 pub use maze::PointMaze;
 pub use region::Region;
 pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
-pub use walls::Walls;
 
 /// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may
 /// overflow.
 pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
+
+/// Why a world fails, or cannot replace another in a run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EnvError {
+    /// The world cannot be edited.
+    #[error("the world {0} cannot be edited")]
+    NotEditable(&'static str),
+    /// The world is of another kind.
+    #[error("the run uses a world of kind {run}, not {other}")]
+    KindMismatch {
+        /// Kind of the run's world.
+        run: &'static str,
+        /// Kind of the other world.
+        other: &'static str,
+    },
+    /// It has no task of its own.
+    #[error("{0} has no start S from which a goal G can be reached, which goals=map requires")]
+    NoOwnTask(String),
+    /// What is stored of the world cannot be loaded.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// It is computed by another program, which has failed.
+    #[error("{world}: {problem}{}", .details.iter().map(|line| format!("\n  {line}")).collect::<String>())]
+    Failed {
+        /// Title of the world, safe to display.
+        world: String,
+        /// What has happened, safe to display.
+        problem: String,
+        /// The last lines that the other program has written, safe to display.
+        details: Vec<String>,
+    },
+    /// It took long although training was to stop.
+    #[error("the environment was given up, as training was to stop")]
+    Stopped,
+    /// The map has another size.
+    #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
+    SizeMismatch {
+        /// Columns and rows of the map.
+        map: (usize, usize),
+        /// Columns and rows of the run's map.
+        run: (usize, usize),
+    },
+}
 
 /// The built-in worlds.
 pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, gym::KIND];
@@ -206,9 +245,6 @@ pub trait Environment: Any + Send + Sync {
     fn states(&self) -> &[f32];
 
     /// Moves `agent` to a start state.
-    ///
-    /// # Errors
-    /// The world fails, which those that this program computes itself never do.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError>;
 
     /// Draws a random goal that `agent` could be asked to reach from its place, into `goal`
@@ -217,34 +253,22 @@ pub trait Environment: Any + Send + Sync {
 
     /// Steps every agent by one action; `actions` is `(agents, action_dim)`. The world clips them
     /// to [-1, 1]: the trainer has done so during exploration, but not in evaluation and display.
-    ///
-    /// # Errors
-    /// The world fails; the agents' states are then those before the step.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError>;
 
     /// Begins the step that [`Self::end_step`] ends, for a world that computes it elsewhere: training
     /// goes on meanwhile. Returns whether it has begun, which it never has by default. Until it ends,
     /// the states are those before it, and the world is asked for nothing else.
-    ///
-    /// # Errors
-    /// The world fails, as in [`Self::step`].
     fn begin_step(&mut self, _actions: &[f32], _rng: &mut ChaCha8Rng) -> Result<bool, EnvError> {
         Ok(false)
     }
 
     /// Waits for the step begun; does nothing without one.
-    ///
-    /// # Errors
-    /// The world fails, as in [`Self::step`].
     fn end_step(&mut self) -> Result<(), EnvError> {
         Ok(())
     }
 
     /// Returns a copy of the world with the same settings and `agents` new agents. The agents'
     /// states are unspecified: callers restart them or set their full states.
-    ///
-    /// # Errors
-    /// The world fails.
     fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError>;
 
     /// Returns whether the world itself has ended the episode of `agent`, which must restart before
@@ -280,9 +304,6 @@ pub trait Environment: Any + Send + Sync {
     ///
     /// Returns whether the world can do this, which the default cannot. In a world that cannot,
     /// resumed agents and those of evaluations begin at start states.
-    ///
-    /// # Errors
-    /// The world fails.
     fn set_full_state(&mut self, _agent: usize, _full_state: &[f64]) -> Result<bool, EnvError> {
         Ok(false)
     }
@@ -303,9 +324,6 @@ impl dyn Environment {
     /// Returns the goal that the first agent achieves after a straight walk from the full state
     /// `from`: a random action, for a random number of at most `longest` steps. `None` if the world
     /// cannot set full states.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn near_goal(
         &mut self,
         from: &[f64],
@@ -345,9 +363,6 @@ impl dyn Environment {
 
     /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts
     /// and goals at unknown distances. The first call may take seconds.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
         match self.abilities().evaluated {
             Some(world) => world.tasks(per_group, rng),

@@ -145,18 +145,6 @@ fn agents_act_after_the_data() {
     assert_same(&trainer, &again);
 }
 
-#[test]
-fn any_learner_learns_from_data() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = recorded(folder.path(), 7);
-    for method in ["her", "ddpg", "gdg-distance", "her+sorb", "random"] {
-        let mut trainer = trainer(method, settings(), 1);
-        trainer.learn_from(&read(&file).unwrap(), &Job::default());
-        train_to(&mut trainer, 30);
-        assert_eq!(trainer.counters().env_steps, 0, "{method}");
-    }
-}
-
 /// Returns arrays of four rows: two episodes of a single transition.
 fn arrays() -> Vec<(&'static str, Tensor)> {
     let table = |numbers: &[f32]| Tensor::from_slice(numbers, (4, 2), &Device::Cpu).unwrap();

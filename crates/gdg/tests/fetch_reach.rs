@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use crate::support::{assert_resumes, train_to};
-use gdg::env::{Environment, FetchReach};
+use gdg::env::{Environment, Evaluated, FetchReach};
 use gdg::settings::Auto;
 use gdg::train::{Preset, Settings, Trainer};
 use rand::SeedableRng;
@@ -25,7 +25,7 @@ fn grip(world: &FetchReach) -> [f64; 3] {
 
 fn pull(world: &mut FetchReach, action: [f64; 3]) {
     let [x, y, z] = action.map(|v| v as f32);
-    world.step(&[x, y, z, 0.0], &mut rng());
+    world.step(&[x, y, z, 0.0], &mut rng()).unwrap();
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -60,7 +60,7 @@ fn the_arm_moves_as_in_the_reference() {
 
 #[test]
 fn proportional_control_reaches_every_goal() {
-    let tasks = arm().tasks(20, &mut rng()).tasks;
+    let tasks = Evaluated::tasks(&arm(), 20, &mut rng()).unwrap().tasks;
     let steps = tasks.iter().map(|task| {
         let mut world = arm();
         let goal = [0, 1, 2].map(|i| f64::from(task.goal[i]));

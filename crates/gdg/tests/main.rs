@@ -5,7 +5,6 @@
 mod core_world;
 mod data;
 mod fetch_reach;
-mod formats;
 mod maps;
 mod ogbench;
 mod rivals;

@@ -2,7 +2,6 @@
 
 mod edits;
 mod exploration;
-mod film;
 mod goals;
 mod learning;
 mod resume;
@@ -16,10 +15,10 @@ use gdg::bridge::{BridgeSettings, Planner};
 use gdg::env::{Goals, PointMaze, Restart};
 use gdg::job::Job;
 use gdg::learn::{LearnSettings, Scratch, Threads};
-use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
+use gdg::map::{Cell, Grid, RandomMapKind, parse_map, random};
 use gdg::settings::{Auto, Effect};
 use gdg::store::Store;
-use gdg::train::{self, Method, Moment, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 
 /// Two rooms joined by a door: most straight lines between them hit the wall.
 const TWO_ROOMS: &str = "\
@@ -54,24 +53,8 @@ fn marked_rooms() -> String {
     text
 }
 
-/// Returns a maze with corridors and walls one cell wide, and a start in a corner.
-fn perfect_maze(size: usize) -> Arc<Grid> {
-    let maze = random(RandomMapKind::Perfect, Some(size), 1);
-    let rows = maze
-        .free()
-        .chunks(maze.width())
-        .map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
-    let text: Vec<String> = rows.map(String::from_iter).collect();
-    Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap())
-}
-
 fn trainer(settings: Settings, seed: u64, threads: impl Into<Threads>) -> Trainer {
     crate::support::trainer(&maze(TWO_ROOMS), "gdg-bridge", settings, seed, threads)
-}
-
-fn trainer_on(map: &Arc<Grid>, settings: Settings, seed: u64, threads: usize) -> Trainer {
-    let world = PointMaze::new(map.clone(), 0);
-    crate::support::trainer(&world, "gdg-bridge", settings, seed, threads)
 }
 
 fn map_of(trainer: &Trainer) -> &Arc<Grid> {
@@ -102,29 +85,6 @@ fn neither_threads_nor_evaluations_change_the_run_but_another_seed_does() {
     let mut other = trainer(settings(), 2, 1);
     train_to(&mut other, 450);
     assert!(state(&alone) != state(&other));
-}
-
-#[test]
-fn a_setting_that_applies_immediately_changes_nothing_else() {
-    let mut run = trainer(settings(), 5, 1);
-    train_to(&mut run, 300);
-    let own = |name: &str| ["graphs", "candidates", "replay"].contains(&name);
-    let parts = |run: &Trainer| {
-        let mut learned = Store::default();
-        run.learner().save(&mut learned).unwrap();
-        let mut parts = state(run);
-        parts.retain(|name, _| own(name));
-        (learned, parts)
-    };
-    let before = parts(&run);
-    let mut changed = run.run().clone();
-    changed.settings.learn.learning_rate = 1e-4;
-    changed.settings.train.random_actions = 0.9;
-    let kept = run.change_run(changed).unwrap();
-    assert!(kept.networks && kept.agents);
-    assert!(parts(&run) == before && before.1.len() == 3 && run.graph().is_some());
-    assert_eq!(run.counters().updates, 300);
-    train_to(&mut run, 400);
 }
 
 #[test]

@@ -1,22 +1,24 @@
 //! The figures: what each shows, of which methods, and how long they train.
 
+use std::path::Path;
+
+use miette::{Report, miette};
+
+use crate::experiment::plan::{JobData, Length, Plan};
 use gdg::bridge::Planner;
 use gdg::draw::Rgb;
-use gdg::train::{Method, Preset};
+use gdg::job::Job;
+use gdg::text::sanitized;
+use gdg::train::{Dataset, Method, Preset};
 
-use crate::experiment::plan::{Length, Plan};
-
-/// A method in the figures.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
     /// Its name in data, in names of jobs and in `--set NAME:...`.
     pub name: &'static str,
-    /// Its name in figures.
     pub title: &'static str,
     learner: &'static str,
     planner: Planner,
     pub preset: &'static str,
-    /// Settings that differ from the preset's, as `--set` takes them.
     pub set: &'static [&'static str],
     /// The dataset of OGBench that it learns from instead of acting, in the built-in maze that
     /// this is of, if any.
@@ -180,32 +182,22 @@ impl Budget {
 
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
-    /// Its name on the command line.
     pub name: &'static str,
-    /// What it shows, in a few words.
     pub title: &'static str,
     /// The built-in map or world; `ogbench` if every entry has its own.
     pub world: &'static str,
     pub methods: &'static [Entry],
     pub shows: Shows,
-    /// Whether every method trains with several seeds.
     pub several_seeds: bool,
-    /// The paper's result of each method, by name.
     pub paper: &'static [(&'static str, &'static str)],
 }
 
-/// What a figure draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shows {
     /// A bridge point, the distances to and from it, and the walk along the plan.
     Bridge,
-    /// Success over training.
     Success,
-    /// The same, with the step from which on it is complete.
-    CompleteSuccess,
-    /// Success by distance at the end.
     SuccessByDistance,
-    /// Paths walked.
     Paths,
     /// Distance left to the map's goal, over training.
     DistanceLeft,
@@ -233,7 +225,7 @@ pub const FIGURES: [Figure; 7] = [
             Entry { set: &[], ..HER },
         ],
         paper: &[("gdg-distance", "converges like DDPG"), ("ddpg-distance", "converges like GDG")],
-        ..of("fig1", "Arm: success over training", "fetch-reach", Shows::CompleteSuccess)
+        ..of("fig1", "Arm: success over training", "fetch-reach", Shows::Success)
     },
     Figure {
         methods: &[DEFAULT, GDG_BRIDGE],
@@ -356,7 +348,6 @@ impl Figure {
         }
     }
 
-    /// Whether it is one of those named, or of `all` of the paper.
     pub fn is_among(&self, names: &[String]) -> bool {
         names.iter().any(|name| name == self.name || name == "all" && self.is_of_paper())
     }
@@ -366,11 +357,55 @@ impl Figure {
     }
 }
 
+/// Success in per cent, in the order of [`PUBLISHED_METHODS`]; `None` where there is no number.
+type Success = [Option<u8>; PUBLISHED_METHODS.len()];
+
+/// Methods with published results: the first four as measured by Park et al. (OGBench,
+/// arXiv:2410.20092), the others by their authors (arXiv:2510.07257, arXiv:2602.05031).
+pub const PUBLISHED_METHODS: [&str; 6] = ["GCIVL", "QRL", "CRL", "HIQL", "GCIQL + TTGS", "ALPS"];
+
+const PUBLISHED: [(&str, Success); 8] = [
+    published("medium-navigate", [63, 82, 29, 79], Some(91), None),
+    published("large-navigate", [45, 86, 39, 58], Some(88), None),
+    published("giant-navigate", [0, 68, 27, 46], Some(92), Some(67)),
+    published("teleport-navigate", [45, 4, 24, 18], None, None),
+    published("medium-stitch", [70, 80, 0, 74], Some(44), None),
+    published("large-stitch", [12, 84, 0, 13], Some(29), Some(96)),
+    published("giant-stitch", [0, 50, 0, 0], Some(98), Some(98)),
+    published("teleport-stitch", [44, 9, 4, 34], None, Some(13)),
+];
+
+const fn published(
+    dataset: &'static str,
+    [gcivl, qrl, crl, hiql]: [u8; 4],
+    ttgs: Option<u8>,
+    alps: Option<u8>,
+) -> (&'static str, Success) {
+    (dataset, [Some(gcivl), Some(qrl), Some(crl), Some(hiql), ttgs, alps])
+}
+
+pub fn published_on(dataset: &str) -> Option<Success> {
+    PUBLISHED.iter().find(|(name, _)| *name == dataset).map(|(_, success)| *success)
+}
+
+pub fn find_dataset(dataset: &str, folder: &Path) -> Result<JobData, Report> {
+    let name = format!("pointmaze-{dataset}-v0.npz");
+    let file = folder.join(&name);
+    let checksum = Dataset::check_file(&file, &Job::default()).map_err(|error| {
+        let help = format!(
+            "put OGBench's {name} into {}: python/collect_ogbench.py writes it, and \
+             ogbench.download_datasets, in Python, fetches it",
+            folder.display()
+        );
+        miette!(help = help, "{}", sanitized(&error.to_string()))
+    })?;
+    Ok(JobData { file, checksum })
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
 
-    use super::super::ogbench::published_on;
     use super::*;
     use gdg::map::builtin;
     use gdg::train::{Overrides, Registry, settings_from};

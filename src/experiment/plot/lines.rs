@@ -8,7 +8,7 @@ use miette::{Report, miette};
 use super::{By, Measure, Options, csv_of};
 use crate::experiment::runs::SavedRun;
 use crate::experiment::spec::told_apart;
-use crate::figure::{Chart, Curve, Point, Range, colour};
+use crate::figure::{Chart, Curve, Point, colour, round_top};
 use gdg::draw::Rgb;
 use gdg::text::sanitized;
 
@@ -16,7 +16,7 @@ use gdg::text::sanitized;
 pub struct Grouping {
     by: Vec<By>,
     /// What each run differs in from the others: method, map and settings.
-    parts: Vec<[String; 3]>,
+    pub parts: Vec<[String; 3]>,
     differ: [bool; 3],
 }
 
@@ -27,22 +27,24 @@ impl Grouping {
     /// Groups runs by what they differ in: curves by `by`, or else by method and settings, and by
     /// map if they differ in neither.
     pub fn new(runs: &[SavedRun], by: &[By]) -> Self {
-        let mut of_methods: BTreeMap<&str, Vec<&SavedRun>> = BTreeMap::new();
-        runs.iter().for_each(|run| of_methods.entry(&run.method).or_default().push(run));
-        let common: BTreeMap<&str, BTreeSet<&String>> = of_methods
-            .iter()
-            .map(|(method, runs)| {
-                let sets = runs.iter().map(|run| run.settings.iter().collect::<BTreeSet<_>>());
-                (*method, sets.reduce(|a, b| &a & &b).unwrap_or_default())
-            })
-            .collect();
+        // Worlds without a map have settings of their own.
+        fn kind(run: &SavedRun) -> (&str, &str) {
+            (&run.method, if run.fingerprint.is_some() { "" } else { &run.map })
+        }
+        let mut alike: BTreeMap<_, Vec<&SavedRun>> = BTreeMap::new();
+        runs.iter().for_each(|run| alike.entry(kind(run)).or_default().push(run));
+        let common = alike.iter().map(|(kind, runs)| {
+            let sets = runs.iter().map(|run| run.settings.iter().collect::<BTreeSet<_>>());
+            (*kind, sets.reduce(|a, b| &a & &b).unwrap_or_default())
+        });
+        let common: BTreeMap<_, BTreeSet<&String>> = common.collect();
         let setting = |run: &SavedRun| {
-            let is_own = |set: &&String| !common[&*run.method].contains(set);
+            let is_own = |set: &&String| !common[&kind(run)].contains(set);
             let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
             let own = own.join(" ");
             let Some(name) = &run.variant else { return own };
             // Variants of several experiments may have the same name.
-            let mut others = of_methods[&*run.method].iter();
+            let mut others = alike[&kind(run)].iter();
             let is_known =
                 others.all(|other| other.variant != run.variant || other.settings == run.settings);
             if is_known { name.clone() } else { format!("{name}: {own}") }
@@ -86,7 +88,6 @@ pub type Points = Vec<(f64, f64)>;
 
 /// A curve: the points of each seed.
 pub struct Line {
-    /// The chart that it is in.
     pub chart: String,
     pub name: String,
     pub colour: Rgb,
@@ -96,7 +97,6 @@ pub struct Line {
 }
 
 impl Line {
-    /// Returns its means over a range.
     pub fn curve(&self, x: [f64; 2]) -> Curve {
         let points = mean(&self.seeds, x);
         Curve { name: self.name.clone(), colour: self.colour, marker: self.marker, points }
@@ -114,15 +114,15 @@ pub fn charts(lines: &[Line], options: &Options, x: [f64; 2]) -> Vec<Chart> {
                 title: line.chart.clone(),
                 labels: [options.x.label(), options.y.label()].map(str::to_owned),
                 x,
-                y: Range::SHARE,
+                top: 1.0,
                 curves: vec![curve],
             }),
         }
     }
     if options.y == Measure::Error {
         let points = charts.iter().flat_map(|chart| &chart.curves).flat_map(|curve| &curve.points);
-        let range = Range::of_errors(points.flat_map(|point| [point.low, point.high]));
-        charts.iter_mut().for_each(|chart| chart.y = range);
+        let top = round_top(points.map(|point| point.high));
+        charts.iter_mut().for_each(|chart| chart.top = top);
     }
     charts
 }
@@ -137,7 +137,10 @@ pub fn lines(
     let (mut lines, mut names) = (Vec::<Line>::new(), Vec::<String>::new());
     for (i, run) in of_seeds(runs, grouping, notes) {
         let (chart, name) = grouping.names(i);
-        let points = points(run, options)?;
+        let points = run.evaluations.iter();
+        let points: Points = points
+            .filter_map(|at| Some((options.x.of(at), options.y.of(&at.evaluation)?)))
+            .collect();
         if points.is_empty() {
             let (y, source) = (options.y.label(), run.source.display());
             notes.push(format!("{source}: {} has no {y}: left out", run.method));
@@ -192,45 +195,6 @@ fn of_seeds<'a>(
     all
 }
 
-fn points(run: &SavedRun, options: &Options) -> Result<Points, Report> {
-    let mut points = Vec::new();
-    for at in &run.evaluations {
-        let Some(x) = options.x.of(at) else {
-            let (source, x) = (run.source.display(), options.x.name());
-            let help = "--x updates, which all runs know; or run it again, with this version";
-            return Err(miette!(
-                help = help,
-                "{source}: written by an older version, which did not keep the {x} of evaluations"
-            ));
-        };
-        points.extend(options.y.of(&at.evaluation).map(|y| (x, y)));
-    }
-    Ok(points)
-}
-
-/// Returns the horizontal range: up to where the shortest curve ends or, if each goes on to its own
-/// end, the longest.
-pub fn range(lines: &[Line], options: &Options, notes: &mut Vec<String>) -> [f64; 2] {
-    let end = |line: &Line| {
-        let ends = line.seeds.values().filter_map(|points| Some(points.last()?.0));
-        ends.fold(f64::INFINITY, f64::min)
-    };
-    let longest = lines.iter().map(end).fold(0.0, f64::max);
-    match lines.iter().min_by(|a, b| end(a).total_cmp(&end(b))) {
-        Some(line) if end(line) < longest && !options.whole => {
-            let Line { chart, name, .. } = line;
-            let of = if chart.is_empty() { name.clone() } else { format!("{name} ({chart})") };
-            notes.push(format!(
-                "drawn up to {:.0} {}, where {of} ends, of {longest:.0}: --whole draws all",
-                end(line),
-                options.x.name()
-            ));
-            [0.0, end(line)]
-        }
-        _ => [0.0, longest],
-    }
-}
-
 /// Averages over seeds wherever all of them have points on both sides, up to the end of the range.
 fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
     let ends = |of: fn(&Points) -> Option<&(f64, f64)>| {
@@ -254,7 +218,6 @@ fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
     places.into_iter().map(at).collect()
 }
 
-/// Returns the value at `x` on the line through `points`.
 fn interpolated(points: &Points, x: f64) -> Option<f64> {
     let next = points.iter().position(|point| point.0 >= x)?;
     let (to, right) = points[next];

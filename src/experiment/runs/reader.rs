@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use super::join::{join, whole};
+use super::records::{join, whole};
 use super::{SavedRun, file, files_of};
 use crate::host::runs::SAVES;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// The runs, and what cannot be read.
     pub runs: Vec<Arc<SavedRun>>,
     /// The file being read, of how many; both are the same at the end.
     pub read: [usize; 2],
@@ -123,7 +122,6 @@ mod tests {
         folder
     }
 
-    /// Reads all; returns what was found, and how many files were read.
     fn read(reader: &mut Reader) -> (Vec<Arc<SavedRun>>, usize) {
         let mut told = 0;
         let found = reader.read(|_, _| {
@@ -171,22 +169,16 @@ mod tests {
     }
 
     #[test]
-    fn runs_of_a_file_are_named_after_their_worlds_in_the_order_in_which_they_began() {
+    fn a_file_may_have_several_runs_and_parts_of_one() {
         let maze = |name: &str| records(1_000).replace("room", name);
         let python = records(1).replace(r#""map":{"name":"room"}"#, r#""gym":{"id":"FetchReach"}"#);
         let text = maze("b") + &maze("c") + &maze("a") + &maze("c") + &python;
         let runs = read_all(folder_of(&[("1.jsonl", &text)]).path());
-        assert_eq!(
-            runs.iter().map(|run| &*run.map).collect::<Vec<_>>(),
-            ["b", "c", "a", "FetchReach"]
-        );
-    }
-
-    #[test]
-    fn what_is_trained_again_after_a_resume_replaces_what_was_lost() {
+        let maps: Vec<&str> = runs.iter().map(|run| &*run.map).collect();
+        assert_eq!(maps, ["b", "c", "a", "FetchReach"], "in the order in which they began");
         let evaluated = |(updates, success): (u64, f64)| {
             format!(
-                "{{\"event\":\"evaluation\",\"updates\":{updates},\"greedy\":{{\"success\":{success},\
+                "{{\"event\":\"evaluation\",\"updates\":{updates},\"env_steps\":0,\"seconds\":0,\"greedy\":{{\"success\":{success},\
                  \"spl\":null,\"steps_ratio\":null,\"by_distance\":[]}},\"planned\":null}}\n"
             )
         };
@@ -195,11 +187,9 @@ mod tests {
         let resumed = START.replace("\"updates\":0", "\"updates\":5000");
         let again = [(6_000, 0.4), (7_000, 0.5)].map(evaluated).concat();
         let folder = folder_of(&[("1.jsonl", &(START.to_owned() + &first + &resumed + &again))]);
-        let curve: Vec<_> = read_all(folder.path())[0]
-            .evaluations
-            .iter()
-            .map(|at| (at.updates, at.evaluation.greedy.success))
-            .collect();
+        let curve = read_all(folder.path()).remove(0);
+        let curve = curve.evaluations.iter();
+        let curve: Vec<_> = curve.map(|at| (at.updates, at.evaluation.greedy.success)).collect();
         assert_eq!(curve, [(3_000, Some(0.1)), (6_000, Some(0.4)), (7_000, Some(0.5))]);
     }
 

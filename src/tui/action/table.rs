@@ -1,6 +1,6 @@
 //! The table of all actions.
 
-use super::{Action as A, Binding, Both, ListAction, Section, When};
+use super::{Action as A, Binding, Both, ListAction, Mode, Section};
 use crate::tui::compare::Comparison;
 use crate::tui::dialog::{Dialog, Help};
 use crate::tui::interface::TerminalRequest;
@@ -20,8 +20,7 @@ const fn bind(
     keys: &'static [&'static str],
     run: fn(&mut Session, A),
 ) -> Binding {
-    let both = Both::Refused("only single runs have it");
-    let (when, is_about_present, is_in_lists) = (When::Always, false, false);
+    let (both, when, is_about_present, is_in_lists) = (Both::Refused, None, false, false);
     let (short, long, words) = ("", "", "");
     Binding {
         action,
@@ -50,7 +49,7 @@ const fn watch(
 
 /// A row for an action that the scene performs.
 const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(action, name, keys, Session::act_in_scene)
+    bind(action, name, keys, |s, action| s.act_in_scene(action))
 }
 
 const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
@@ -64,7 +63,7 @@ const fn overlay(overlay: Overlay, name: &'static str, keys: &'static [&'static 
 
 /// A row for a pane.
 const fn pane(pane: Pane, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(A::Show(pane), name, keys, |s, action| view::show(s, action)).watching().alone(NO_PANES)
+    bind(A::Show(pane), name, keys, |s, action| view::show(s, action)).watching()
 }
 
 /// A row for an action of the editor.
@@ -74,12 +73,12 @@ const fn edit(action: A, name: &'static str, keys: &'static [&'static str]) -> B
 
 /// The same while the editor is open.
 const fn tool(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    edit(action, name, keys).within(When::Editing)
+    edit(action, name, keys).within(Mode::Editing)
 }
 
 /// A row for an action on a list of runs, which knows what it does.
 const fn on_runs(action: ListAction, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(A::List(action), name, keys, |_, _| {}).within(When::Listing)
+    bind(A::List(action), name, keys, |_, _| {}).within(Mode::Listing)
 }
 
 impl Binding {
@@ -94,21 +93,16 @@ impl Binding {
 
     /// Makes the binding active only while the editor is closed.
     const fn watching(self) -> Self {
-        self.within(When::Watching)
+        self.within(Mode::Watching)
     }
 
-    const fn within(self, when: When) -> Self {
-        Self { when, ..self }
+    const fn within(self, mode: Mode) -> Self {
+        Self { when: Some(mode), ..self }
     }
 
     /// Adds a word for the footer.
     const fn short(self, short: &'static str) -> Self {
         Self { short, ..self }
-    }
-
-    /// Adds search words.
-    const fn also(self, words: &'static str) -> Self {
-        Self { words, ..self }
     }
 
     /// Returns to the present first.
@@ -132,26 +126,7 @@ impl Binding {
     const fn own(self, act: fn(&mut Comparison, A)) -> Self {
         Self { both: Both::Own(act), ..self }
     }
-
-    /// Says why comparisons do not have it.
-    const fn alone(self, why: &'static str) -> Self {
-        Self { both: Both::Refused(why), ..self }
-    }
 }
-
-const NOTHING_SAVED: &str =
-    "it saves and loads nothing: gdg-tui MAP --method METHOD trains a run that is saved";
-const CHOSEN_AT_START: &str =
-    "methods, settings and seed are chosen at the start: gdg-tui compare --help";
-const ONE_MAP: &str =
-    "both stay on their map, which can be edited; gdg-tui compare A B MAP begins on another";
-const FULL_SPEED: &str = "each side trains as fast as it can";
-const NO_PANES: &str = "facts and curves are always shown, there are no panes";
-const IN_A_SHELL: &str = "quit first, then start it in a shell";
-
-/// A command that compares two methods.
-const HOW_TO_COMPARE: &str =
-    "in a shell: gdg-tui compare gdg-bridge gdg shows both on the same map";
 
 /// All actions, by section.
 pub const SECTIONS: &[Section] = &[
@@ -168,9 +143,8 @@ pub const SECTIONS: &[Section] = &[
 
 const TRAINING: &[Binding] = &[
     bind(A::TogglePause, "pause", &["space"], |s, _| time::toggle_pause(s))
-        .help("pause or resume training")
+        .about("pause or resume training", "stop halt continue unpause play start run go wait")
         .short("pause")
-        .also("stop halt continue unpause play start run go wait")
         .own(Comparison::toggle_pause),
     bind(A::StepUpdate, "step-update", &["."], |s, _| time::step(s, Step::Update))
         .about("run one update, then pause", "single step advance gradient")
@@ -179,53 +153,31 @@ const TRAINING: &[Binding] = &[
         .about("train until an episode ends, then pause", "next step advance")
         .each(),
     bind(A::Faster, "faster", &[">"], |s, _| time::change_speed(s, true))
-        .help("more updates per second")
-        .also("speed fast quick rate limit unlimited accelerate max maximum forward")
-        .alone(FULL_SPEED),
+        .about("more updates per second", "speed fast quick rate limit unlimited accelerate max"),
     bind(A::Slower, "slower", &["<"], |s, _| time::change_speed(s, false))
-        .about("fewer updates per second", "speed slow down rate limit throttle")
-        .alone(FULL_SPEED),
+        .about("fewer updates per second", "speed slow down rate limit throttle"),
     watch(A::Freeze, "freeze", &["shift-f"], |s, _| s.screen.frozen = !s.screen.frozen)
-        .help("freeze the screen while training continues")
-        .also("still hold lock display")
+        .about("freeze the screen while training continues", "still hold lock display")
         .each(),
     bind(A::Evaluate, "evaluate", &["y"], |s, _| time::evaluate(s))
-        .help("evaluate now: how many test walks reach their goals")
-        .also("evaluation test measure score success rate benchmark accuracy performance")
+        .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
-    watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| runs::ask_seed(s))
-        .help("restart with another seed")
-        .also("reset again scratch random number new run start over")
-        .alone(CHOSEN_AT_START),
-    watch(A::Settings, "settings", &["o"], |s, _| s.open_settings())
-        .help("change a setting during training")
-        .also(
-            "options preferences parameters hyperparameters configuration configure \
-             learning rate batch size gamma discount lr bigger network width hidden \
-             layers neurons units noise epsilon optimizer episode length number agents \
-             parallel",
-        )
-        .alone(CHOSEN_AT_START),
-    bind(A::ResetSetting, "reset-setting", &["delete", "ctrl-x"], |s, _| runs::reset_setting(s))
-        .help("reset the selected setting")
-        .within(When::Settings)
-        .alone(CHOSEN_AT_START),
+    watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| runs::ask_to_restart(s))
+        .about("restart with another seed", "reset again scratch random number new run start over"),
+    watch(A::Settings, "settings", &["o"], |s, _| s.open(lists::settings(&s.screen)))
+        .about("change a setting during training", "options preferences parameters"),
     bind(A::Method, "method", &[], |s, _| {
         s.open(lists::methods(&s.screen.run().method, &s.screen.snapshot.registry));
     })
-    .help("change to another method, keeping the data")
-    .also("algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline reward")
-    .alone(CHOSEN_AT_START),
+    .about("change to another method, keeping the data", "algorithm learner planner switch"),
     bind(A::Preset, "preset", &[], |s, _| s.open(lists::presets(s.screen.run().preset)))
-        .about("change to the settings of a preset", "defaults paper tuned sb3 profile")
-        .alone(CHOSEN_AT_START),
+        .about("change to the settings of a preset", "defaults paper tuned sb3 profile"),
 ];
 
 const GOAL_AND_AGENT: &[Binding] = &[
     watch(A::NewGoal, "new-goal", &["n"], Session::act_on_goal)
-        .help("a random new goal (or click on the map)")
+        .about("a random new goal (or click on the map)", "target destination next change set")
         .short("goal")
-        .also("target destination next change set")
         .own(Comparison::new_goal)
         .in_present(),
     towards(A::Move(-1, 0), "left", &["left", "h"]).help("move the goal or cursor left"),
@@ -233,8 +185,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
     towards(A::Move(0, -1), "up", &["up", "k"]).help("move the goal or cursor up").in_lists(),
     towards(A::Move(1, 0), "right", &["right", "l"]).help("move the goal or cursor right"),
     watch_scene(A::NewStart, "new-start", &["w"])
-        .help("put @ at a random place (right-click: at that cell)")
-        .also("start agent walker position move teleport spawn")
+        .about("put @ at a random place (right-click: at that cell)", "start agent walker")
         .own(Comparison::new_start)
         .in_present(),
     watch_scene(A::StartHere, "start-here", &["shift-s"])
@@ -242,18 +193,14 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .own(Comparison::start_here)
         .in_present(),
     watch(A::GoalHere, "goal-here", &["enter"], Session::act_on_goal)
-        .help("put the goal at the cursor")
-        .also("target set")
+        .about("put the goal at the cursor", "target set")
         .own(Comparison::move_goal)
         .in_present(),
     watch(A::OnArrival, "on-arrival", &["t"], |s, _| view::next_on_arrival(s))
-        .help("when @ arrives: restart, visit other goals, or stay")
-        .also("tour loop repeat")
+        .about("when @ arrives: restart, visit other goals, or stay", "tour loop repeat")
         .own(Comparison::next_on_arrival),
     watch(A::Follow, "follow", &["f"], |s, _| view::follow_next(s))
-        .help("follow the next exploring agent")
-        .also("track watch explorer rollout trajectory episode")
-        .alone("both sides show the walking agents @")
+        .about("follow the next exploring agent", "track watch explorer rollout trajectory")
         .in_present(),
 ];
 
@@ -264,30 +211,24 @@ const fn towards(action: A, name: &'static str, keys: &'static [&'static str]) -
 
 const VIEW: &[Binding] = &[
     watch(A::Field(true), "next-field", &["v"], |s, _| view::next_field(s, true))
-        .help("colour the map by the next quantity")
+        .about("colour the map by the next quantity", "view field distance heatmap visits error")
         .short("view")
-        .also("view field distance heatmap visits error truth value function layer mode")
         .own(Comparison::next_field)
         .in_present(),
     watch(A::Field(false), "previous-field", &["shift-v"], |s, _| view::next_field(s, false))
-        .help("colour the map by the previous quantity")
-        .also("view field distance heatmap back")
+        .about("colour the map by the previous quantity", "view field distance heatmap back")
         .own(Comparison::next_field)
         .in_present(),
     overlay(Overlay::Contours, "contours", &["c"])
         .about("contour lines, on or off", "isolines levels overlay layer hide show"),
     overlay(Overlay::Directions, "directions", &["r"])
-        .help("the actor's directions, on or off")
-        .also("arrows policy actions gradient vector field quiver overlay layer hide show"),
+        .about("the actor's directions, on or off", "arrows policy actions gradient vector field"),
     overlay(Overlay::Unexplored, "unvisited", &["x"])
-        .help("unvisited cells and their edge, on or off")
-        .also("unexplored exploration frontier fog coverage overlay layer hide show"),
+        .about("unvisited cells and their edge, on or off", "unexplored exploration frontier fog"),
     overlay(Overlay::Agents, "agents", &["a"])
-        .help("exploring agents, trails, frontier goals, on or off")
-        .also("explorers robots dots overlay layer hide show"),
+        .about("exploring agents, trails, frontier goals, on or off", "explorers robots dots"),
     overlay(Overlay::Candidates, "candidates", &["b"])
-        .help("bridge candidates, on or off (zoom in for more)")
-        .also("bridges points nodes waypoints overlay layer hide show"),
+        .about("bridge candidates, on or off (zoom in for more)", "bridges points nodes waypoints"),
     overlay(Overlay::Edges, "edges", &["d"])
         .about("edges of the bridge graph, on or off", "graph links lines overlay layer hide show"),
     overlay(Overlay::Search, "search", &["shift-b"])
@@ -295,8 +236,7 @@ const VIEW: &[Binding] = &[
     overlay(Overlay::Path, "path", &["p"])
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
     watch_scene(A::Inspect, "inspect", &["i"])
-        .help("inspect cells with a cursor")
-        .also("cursor look value info cell query coordinates position hover")
+        .about("inspect cells with a cursor", "look value info cell query coordinates position")
         .each(),
     scene(A::ZoomIn, "zoom-in", &["+", "="])
         .about("zoom in (or mouse wheel)", "magnify larger bigger closer enlarge minimap")
@@ -318,181 +258,103 @@ const VIEW: &[Binding] = &[
         .about("pan the map downwards", "scroll")
         .each(),
     watch(A::Back, "back-in-time", &["["], |s, _| time::step_through_film(s, false))
-        .help("go back in time: what was learned by then")
-        .also("past history film rewind earlier previous before go time travel scrub movie replay")
+        .about("go back in time: what was learned by then", "past history film rewind earlier")
         .each(),
     watch(A::Forth, "forth-in-time", &["]"], |s, _| time::step_through_film(s, true))
-        .help("go forward in time, up to the present")
-        .also("future now present film forward later next time travel movie replay")
+        .about("go forward in time, up to the present", "future now film later next travel movie")
         .each(),
     watch_scene(A::Projection, "projection", &["shift-p"])
-        .help("choose the next projection")
-        .short("projection")
-        .also("side top front orbit rotate camera angle"),
+        .about("choose the next projection", "side top front orbit rotate camera angle")
+        .short("projection"),
     watch_scene(A::Alone, "alone", &["shift-z"])
         .about("show the chosen projection alone, or all", "single full"),
     watch(A::Marker, "marker", &["m"], |s, _| view::change_marker(s))
-        .help("pixels, half blocks, quadrants or braille")
-        .also("characters symbols pixels resolution font")
+        .about("pixels, half blocks, quadrants or braille", "characters symbols resolution font")
         .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
-        .help("dark, light or colour-blind-safe")
-        .also("themes colors color scheme mode palette black white accessibility")
-        .alone("the theme is chosen in the configuration: gdg-tui --print-config-template"),
+        .about("dark, light or colour-blind-safe", "themes colors color scheme mode palette black"),
 ];
 
 const PANES: &[Binding] = &[
     pane(Pane::Training, "training", &["1"])
         .about("training progress and success", "statistics numbers pane panel"),
     pane(Pane::Curves, "curves", &["2"])
-        .help("curves of success, coverage, losses and errors")
-        .also("plots charts graphs history loss td bellman error tensorboard pane panel"),
+        .about("curves of success, coverage, losses and errors", "plots charts graphs history"),
     pane(Pane::Walk, "walk", &["3"]).about("the followed agent", "pane panel"),
     pane(Pane::Legend, "legend", &["4"])
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
     pane(Pane::Log, "log", &["5"])
         .about("event log", "messages events history notices errors pane panel"),
     bind(A::NextPane, "next-pane", &["tab"], |s, _| view::show_next(s))
-        .help("select the next pane")
-        .short("panes")
-        .also("panel tab switch")
-        .alone(NO_PANES),
+        .about("select the next pane", "panel tab switch")
+        .short("panes"),
     watch(A::Maximise, "maximise", &["z"], |s, _| s.screen.maximised = !s.screen.maximised)
-        .help("maximise or restore the pane")
-        .also(
-            "maximize full screen fullscreen enlarge large pane panel sidebar explain \
-             meaning",
-        )
-        .alone(NO_PANES),
+        .about("maximise or restore the pane", "maximize full screen fullscreen enlarge large"),
     bind(A::Scroll(-1), "scroll-back", &["pageup"], |s, _| s.screen.scroll(-1))
-        .about("scroll curves and log back", "page up earlier")
-        .alone(NO_PANES),
+        .about("scroll curves and log back", "page up earlier"),
     bind(A::Scroll(1), "scroll-on", &["pagedown"], |s, _| s.screen.scroll(1))
-        .about("scroll curves and log forward", "page down later")
-        .alone(NO_PANES),
-    watch(A::LogScale, "log-scale", &["g"], |s, _| view::change_curve_scale(s))
-        .help("toggle logarithmic curves")
-        .also("log axis linear")
-        .alone(NO_PANES),
-    watch(A::LayUnder, "lay-under", &["shift-u"], |s, _| files::pick_under(s))
-        .help("show a saved run's curves behind these, or remove them")
-        .also("compare yesterday earlier saved reference baseline overlay behind checkpoint")
-        .alone("gdg-tui runs lays the curves of more runs over each other"),
+        .about("scroll curves and log forward", "page down later"),
 ];
 
 const MAP_EDITOR: &[Binding] = &[
     edit(A::ToggleEdit, "edit", &["e"])
-        .help("open or close the editor")
-        .short("edit")
-        .also("draw walls change map modify doors"),
+        .about("open or close the editor", "draw walls change map modify doors")
+        .short("edit"),
     tool(A::Tool(Tool::Pencil), "pencil", &["1"])
-        .help("draw walls (drag; right-drag: floor)")
-        .also("block obstacle"),
-    tool(A::Tool(Tool::Eraser), "eraser", &["2"])
-        .help("draw floor")
-        .also("erase remove delete wall"),
+        .about("draw walls (drag; right-drag: floor)", "block obstacle"),
+    tool(A::Tool(Tool::Eraser), "eraser", &["2"]).about("draw floor", "erase remove delete wall"),
     tool(A::Tool(Tool::Line), "line", &["3"]).help("draw a straight wall"),
     tool(A::Tool(Tool::Rectangle), "rectangle", &["4"])
-        .help("draw walls around a rectangle")
-        .also("box room"),
+        .about("draw walls around a rectangle", "box room"),
     tool(A::Tool(Tool::Fill), "fill", &["5"])
-        .help("fill an area with wall, or a wall with floor")
-        .also("bucket flood"),
+        .about("fill an area with wall, or a wall with floor", "bucket flood"),
     tool(A::Tool(Tool::Start), "start", &["6"]).help("add or remove a start S"),
     tool(A::Tool(Tool::Goal), "goal", &["7"]).help("add or remove a goal G"),
     tool(A::Apply, "apply", &["x", "enter"]).help("use the tool at the cursor; twice for a line"),
     edit(A::Undo, "undo", &["u"]).about("undo an edit", "revert back"),
     edit(A::Redo, "redo", &["ctrl-r"]).about("redo an edit", "repeat again"),
-    scene(A::NewMap, "new-map", &[])
-        .about("create an empty map", "blank clear world")
-        .alone(ONE_MAP),
-    bind(A::RandomMap, "random-map", &[], |s, _| s.open(lists::random_maps()))
-        .about("open a random map", "generate maze city perfect labyrinth new world")
-        .alone(ONE_MAP),
-    scene(A::ResizeMap, "resize-map", &[])
-        .about("resize the map", "size width height crop grow")
-        .alone(ONE_MAP),
     scene(A::SaveMap, "save-map", &["ctrl-w"])
         .about("write the map to a file", "save export store world")
         .first(),
     bind(A::OpenMap, "open-map", &["shift-o"], |s, _| files::pick_map(s, None))
-        .help("open another map")
-        .also("load map file choose switch world fourrooms city trap arm robot fetch-reach browse")
-        .alone(ONE_MAP),
+        .about("open another map", "load file choose switch world random empty new arm"),
 ];
 
 const FILES: &[Binding] = &[
     bind(A::Save, "save", &["s"], |s, _| s.save())
-        .help("save a checkpoint")
-        .short("save")
-        .also("store write keep networks model weights")
-        .alone(NOTHING_SAVED),
+        .about("save a checkpoint", "store write keep networks model weights")
+        .short("save"),
     bind(A::SaveAs, "save-as", &[], |s, _| saving::ask_file(s))
-        .about("save a checkpoint under a name", "store write copy rename")
-        .alone(NOTHING_SAVED),
+        .about("save a checkpoint under a name", "store write copy rename"),
     watch(A::Load, "load", &["shift-l"], |s, _| files::pick_checkpoint(s))
-        .help("load a checkpoint")
-        .also("open restore read resume run model weights")
-        .alone(NOTHING_SAVED),
-    bind(A::Resume, "resume", &["r"], |s, _| s.resume_offered())
-        .help("resume the saved run")
-        .within(When::Offered)
-        .also("continue load saved go on")
-        .alone(NOTHING_SAVED),
-    bind(A::Autosave, "autosave", &[], |s, _| saving::ask_interval(s))
-        .about("set the autosave interval", "automatic backup minutes")
-        .alone(NOTHING_SAVED),
+        .about("load a checkpoint", "open restore read resume run model weights"),
     watch(A::Export, "export", &["shift-e"], |s, _| {
         s.open(lists::exports(&ExportKind::ALL, s.scene.noun()));
     })
-    .help("export map or curves")
-    .also("screenshot picture image png svg csv figure capture print data")
-    .alone("open a run by itself to export it"),
+    .about("export map or curves", "screenshot picture image png svg csv figure capture print"),
 ];
 
 const PROGRAM: &[Binding] = &[
-    bind(A::Tour, "guided-tour", &[], |s, _| s.offer_tour())
-        .help("take the guided tour of the four rooms")
-        .also(
-            "tutorial demo introduction explain learn lesson beginner first steps teacher \
-             student class",
-        )
-        .alone(IN_A_SHELL),
-    bind(A::Compare, "compare", &[], |s, _| s.screen.notify(HOW_TO_COMPARE))
-        .help("compare two methods side by side: how to start it")
-        .also("comparison versus against race beside both rival baseline ablation")
-        .alone(IN_A_SHELL),
     bind(A::NextTourStep, "next-step", &["enter", "right"], |s, _| s.guide.next_step(&mut s.cx))
         .help("next step of the tour (or click)")
-        .within(When::Touring)
-        .alone(IN_A_SHELL),
-    bind(A::TogglePause, "pause-tour", &["p"], |s, _| time::toggle_pause(s))
-        .help("pause or resume training and tour")
-        .within(When::Touring),
+        .within(Mode::Touring),
     bind(A::EndTour, "end-tour", &["esc"], |s, _| s.guide.end(&mut s.cx))
         .help("end the tour")
-        .within(When::Touring)
-        .alone(IN_A_SHELL),
+        .within(Mode::Touring),
     bind(A::Palette, "palette", &[":", "ctrl-p"], |s, _| {
         s.open(lists::actions(&s.screen, &s.scene));
     })
-    .help("find an action by name")
+    .about("find an action by name", "command search")
     .short("all")
-    .also("command search")
     .own(Comparison::open_palette),
     bind(A::Help, "help", &["?", "f1"], |s, _| {
-        s.screen.on_first_use();
+        s.screen.explains = false;
         s.open(Dialog::Help(Help::default()));
     })
-    .help("show or hide this help")
+    .about("show or hide this help", "keys shortcuts manual documentation bindings usage")
     .short("help")
-    .also("keys shortcuts manual documentation bindings usage about")
     .own(Comparison::open_help)
     .in_lists(),
-    bind(A::SearchHelp, "search-help", &["/"], |s, _| s.search_help())
-        .help("search the help")
-        .within(When::Help)
-        .first(),
     bind(A::Close, "close", &["esc"], |s, _| view::close_top(s))
         .about("close the topmost dialog or mode", "cancel back escape")
         .own(Comparison::close_top)
@@ -506,9 +368,8 @@ const PROGRAM: &[Binding] = &[
         .first()
         .in_lists(),
     bind(A::Quit, "quit", &["q", "ctrl-c"], |s, _| s.quit())
-        .help("quit")
+        .about("quit", "exit leave close end bye")
         .short("quit")
-        .also("exit leave close end bye")
         .own(Comparison::quit)
         .in_lists(),
 ];
@@ -529,7 +390,7 @@ const fn beside(
     keys: &'static [&'static str],
     act: fn(&mut Comparison, A),
 ) -> Binding {
-    bind(action, name, keys, |_, _| {}).within(When::Comparing).own(act)
+    bind(action, name, keys, |_, _| {}).within(Mode::Comparing).own(act)
 }
 
 const RUNS: &[Binding] = &[

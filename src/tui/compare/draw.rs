@@ -24,7 +24,6 @@ use super::{Comparison, LETTERS, maze_of};
 use crate::tui::action::{Action, Mode};
 use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::log::Notice;
 use crate::tui::render::chart::{self, Curve};
 use crate::tui::render::{curves, finish_frame, footer, too_small};
 use crate::tui::scene::maze;
@@ -43,7 +42,6 @@ pub const MIN_SIZE: (u16, u16) = (60, 18);
 const CURVES_DIVISOR: u16 = 4;
 const CURVES_ROWS: (u16, u16) = (7, 16);
 
-/// Draws everything; returns what can be clicked.
 pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     let area = frame.area();
     let mut layout = ScreenLayout::new(area);
@@ -165,19 +163,18 @@ fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let Cx { screen, scene, .. } = &training_side(comparison).cx;
     let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
-    if let Some((text, notice)) = &notice {
+    if let Some(notice) = notice {
         let at = if is_editing { Rect { y: 0, ..area } } else { area };
-        footer::draw_notice(frame, at, &screen.theme, Notice { text, ..*notice });
+        footer::draw_notice(frame, at, &screen.theme, notice);
     }
     if is_editing {
         let editor = &comparison.maze(comparison.editor_at).editor;
         footer::editing(screen, editor, area.width).draw(frame, area, layout);
-    } else if notice.is_none() {
+    } else if comparison.notice().is_none() {
         footer::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
     }
 }
 
-/// Returns the facts about a side, the most important first, in lines of at most `width` columns.
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
     let session = &comparison.sessions[own];
     let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.walk);
@@ -266,17 +263,6 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     }
 }
 
-/// Returns where the map was edited, which is the same map for both.
-fn edits(comparison: &Comparison, window: [f64; 2]) -> Vec<f64> {
-    let of = |own: usize| {
-        let edits = comparison.sessions[own].screen.snapshot.edits.iter();
-        edits.map(move |at| comparison.along(own, *at))
-    };
-    let mut edits: Vec<f64> = (0..2).flat_map(of).collect();
-    edits.sort_by(f64::total_cmp);
-    curves::apart(edits.into_iter(), window)
-}
-
 /// Draws both success curves in one chart, over how far training had come; a click on its title
 /// changes the axis. Upright lines mark the moments of the past that are shown.
 fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
@@ -284,12 +270,9 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let now =
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
-    let edits = edits(comparison, [0.0, last]);
-    let edited = Span::styled(format!("  {} {}", curves::MARK, curves::EDITED), DIM);
     let names = all.iter().map(|curve| {
         Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
     });
-    let names = names.chain(Some(edited).filter(|_| !edits.is_empty()));
     let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
     let lines = chart::heading(&title, names, area.width);
     let [head, body] =
@@ -309,10 +292,8 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
         Some(comparison.along(own, frame.updates))
     });
     let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
-    let edits: Vec<_> = edits.into_iter().map(|at| [(at, 0.0), (at, 1.0)]).collect();
-    let upright = |style, points| chart::Line { style, marker: Marker::Braille, points };
-    let lines = edits.iter().map(|points| upright(DIM, &points[..])).chain(lines);
-    let uprights = moments.iter().map(|points| upright(BOLD, &points[..]));
+    let upright = |points| chart::Line { style: BOLD, marker: Marker::Braille, points };
+    let uprights = moments.iter().map(|points| upright(&points[..]));
     let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
     let axes = chart::Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
     chart::draw(frame, body, axes, lines.chain(uprights));

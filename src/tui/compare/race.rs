@@ -9,17 +9,14 @@ use rand_chacha::ChaCha8Rng;
 use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use gdg::viewer::{MazeView, OnArrival};
 
-/// Pause after a race.
 const REST: Duration = Duration::from_millis(1500);
 
 /// Step limit of a race, as a multiple of the shortest path, and its minimum.
 const MAX_DETOUR: u32 = 4;
 const MIN_STEPS: u32 = 60;
 
-/// The current race and the results so far.
 pub struct Race {
     pub map: Arc<Grid>,
-    /// Start and goal of the current race.
     pub start: Cell,
     pub goal: Cell,
     /// What to do once both have arrived or lost.
@@ -28,7 +25,6 @@ pub struct Race {
     requests: [u64; 2],
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
-    /// When the race ended, if it has.
     over: Option<Instant>,
     /// Races that each side has finished at the goal, and all that are over.
     pub results: ([u32; 2], u32),
@@ -94,12 +90,10 @@ impl Race {
         self.draw_connected(starts, goal).unwrap_or_else(|| self.connected_cell(goal))
     }
 
-    /// Returns a random cell connected to `cell`.
     fn connected_cell(&mut self, cell: Cell) -> Cell {
         self.draw_connected(self.map.free_cells().collect(), cell).unwrap_or(cell)
     }
 
-    /// Draws one of `cells` that a path connects to `cell`, if there is one.
     fn draw_connected(&mut self, mut cells: Vec<Cell>, cell: Cell) -> Option<Cell> {
         let mut search = StepSearch::new(&self.map);
         let steps = search.steps_from(cell);

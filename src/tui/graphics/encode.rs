@@ -16,9 +16,6 @@ const KITTY_LAYER: i32 = 1;
 
 impl Protocol {
     /// Writes a patch of `pixels`, red, green and blue, at its place.
-    ///
-    /// # Errors
-    /// Errors of the PNG encoder.
     pub fn patch(
         self,
         out: &mut Vec<u8>,

@@ -109,9 +109,6 @@ impl Patches {
 
     /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere
     /// else.
-    ///
-    /// # Errors
-    /// Errors of the encoder.
     pub fn update(
         &mut self,
         pictures: &[&Picture],

@@ -15,7 +15,7 @@ use crate::tui::style::{BOLD, DIM};
 use crate::tui::text::short;
 use crate::tui::theme::{ColourDepth, Theme, blend};
 use gdg::env::DistanceUnit;
-use gdg::text::{display_width, sanitized};
+use gdg::text::display_width;
 use gdg::train::{DistanceScore, Evaluation};
 
 /// Minimum height of a chart, and minimum width for two side by side.
@@ -43,27 +43,11 @@ const PAGE_SHARE: f64 = 0.25;
 struct Series {
     name: String,
     parts: Vec<Vec<(f64, f64)>>,
-    /// Whether it is of a saved run, below the others.
-    is_under: bool,
 }
 
 impl Series {
     fn joined(name: &str, points: impl Iterator<Item = (f64, f64)>) -> Self {
-        Self { name: name.to_owned(), parts: vec![points.collect()], is_under: false }
-    }
-
-    fn under(screen: &Screen, value: impl Fn(&Evaluation) -> Option<f64>) -> Option<Self> {
-        let run = screen.under.as_deref()?;
-        let axis = axis(screen);
-        let points = run.evaluations.iter();
-        let points = points.filter_map(|at| Some((axis.of(at)?, value(&at.evaluation)?)));
-        let name = run.source.file_stem().unwrap_or_default().to_string_lossy();
-        Some(Self { is_under: true, ..Self::joined(&sanitized(&name), points) })
-    }
-
-    /// Returns style and characters of series `i`, this one.
-    fn style(&self, theme: &Theme, i: usize) -> (Style, Marker) {
-        if self.is_under { (DIM, Marker::Braille) } else { (colour(theme, i), marker(theme, i)) }
+        Self { name: name.to_owned(), parts: vec![points.collect()] }
     }
 }
 
@@ -73,7 +57,7 @@ struct Plot {
     series: Vec<Series>,
     /// The highest possible value, if there is one.
     max: Option<f64>,
-    /// Whether it may be drawn on a logarithmic scale.
+    /// Whether it is drawn on a logarithmic scale.
     log: bool,
     /// Whether the values are shares, to be labelled in percent.
     percent: bool,
@@ -119,7 +103,7 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
                 parts[i].extend(value(e).map(|value| (along(screen, *at), value)));
             }
         }
-        Series { name: name.to_owned(), parts, is_under: false }
+        Series { name: name.to_owned(), parts }
     };
     let loss = |i: usize| {
         let points =
@@ -138,17 +122,15 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     };
     let coverage =
         screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
-    let mut success = vec![
+    let success = vec![
         of("planned", &|e| e.planned.as_ref()?.success),
         of("greedy", &|e| e.greedy.success),
         Series::joined("coverage", coverage),
     ];
-    success.extend(Series::under(screen, Evaluation::success_rate));
-    let mut errors = vec![
+    let errors = vec![
         of("D", &|e| Some(e.distance_error?.mape)),
         of("via graph", &|e| Some(e.distance_error?.graph?.mape)),
     ];
-    errors.extend(Series::under(screen, |e| Some(e.distance_error?.mape)));
     let errors = Plot { title: "error of D", series: errors, max: None, log: true, percent: true };
     let of_critic = Plot::loss("loss of D", loss(0));
     let [second, third] =
@@ -190,7 +172,7 @@ struct Window<'a> {
 
 impl<'a> Window<'a> {
     fn new(plot: &'a Plot, screen: &Screen) -> Self {
-        let (x, log) = (window(screen), plot.log && screen.log_scale);
+        let (x, log) = (window(screen), plot.log);
         let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
         let shown = |part: &Vec<(f64, f64)>| -> Vec<(f64, f64)> {
             part.iter().filter(|p| is_within(p.0, x)).map(|p| (p.0, value(p.1))).collect()
@@ -226,9 +208,10 @@ impl<'a> Window<'a> {
         let is_shown =
             |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
         let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
+        let theme = &screen.theme;
         let names = named.map(|(i, s)| {
-            let (style, marker) = s.style(&screen.theme, i);
-            Span::styled(format!("  {} {}", symbol(marker), s.name), style)
+            let name = format!("  {} {}", symbol(marker(theme, i)), s.name);
+            Span::styled(name, colour(theme, i))
         });
         let mut lines = chart::heading(&Span::styled(title, BOLD), names, width);
         if plot.max.is_some() && !marks.is_empty() {
@@ -271,8 +254,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let past = past.filter(|at| is_within(*at, window.x)).map(upright);
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
     let curve = |i: usize, points| {
-        let (style, marker) = plot.series[i].style(&screen.theme, i);
-        chart::Line { style, marker, points }
+        let theme = &screen.theme;
+        chart::Line { style: colour(theme, i), marker: marker(theme, i), points }
     };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
@@ -348,10 +331,9 @@ fn mark_names(marks: &[(f64, String)], width: usize) -> String {
     names
 }
 
-/// Returns the range of updates shown: all, also those of the run below, or an earlier part when scrolled back.
+/// Returns the range of updates shown: all, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
-    let under = screen.under.as_ref().and_then(|run| axis(screen).of(run.evaluations.last()?));
-    let last = along(screen, screen.snapshot.counters.updates).max(under.unwrap_or(1.0)).max(1.0);
+    let last = along(screen, screen.snapshot.counters.updates).max(1.0);
     let page = PAGE_SHARE * last;
     match screen.scrolled {
         0 => [0.0, last],

@@ -8,7 +8,6 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
 use super::{middle, without_slivers};
-use crate::tui::action::Action;
 use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
@@ -31,7 +30,7 @@ const KEY_MARGIN: usize = 2;
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the
 /// list.
-pub fn draw_picker(frame: &mut Frame, screen: &Screen, picker: &Picker, layout: &mut ScreenLayout) {
+pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout) {
     let area = frame.area();
     let width = usize::from(without_slivers(area, list_width(picker, area.width) as u16));
     let columns = width.saturating_sub(2);
@@ -46,7 +45,7 @@ pub fn draw_picker(frame: &mut Frame, screen: &Screen, picker: &Picker, layout: 
     let below = rows_below(picker, columns, labels).min(room.saturating_sub(above + MIN_ROWS));
     let wanted = most_rows.saturating_add(2 + search_rows + above + below);
     let dialog_area = middle(area, width as u16, height.min(wanted));
-    let inner = draw_box(frame, dialog_area, &picker.title, buttons(screen, picker), layout);
+    let inner = draw_box(frame, dialog_area, &picker.title, layout);
     let [top, line, list, below] = Layout::vertical([
         Constraint::Length(above),
         Constraint::Length(search_rows),
@@ -192,11 +191,7 @@ pub fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: 
     let most = usize::from(area.height.saturating_sub(4));
     let text = first_lines(wrapped(text, columns), most, columns);
     let dialog_area = middle(area, width, 4 + text.len() as u16);
-    let buttons = vec![
-        (" Enter: accept ".to_owned(), Click::Answer),
-        (" Esc: close ".to_owned(), Click::Close),
-    ];
-    let inner = draw_box(frame, dialog_area, &prompt.title, buttons, layout);
+    let inner = draw_box(frame, dialog_area, &prompt.title, layout);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
             .areas(inner);
@@ -213,25 +208,8 @@ pub fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: 
     frame.render_widget(Paragraph::new(text), below);
 }
 
-fn buttons(screen: &Screen, picker: &Picker) -> Vec<(String, Click)> {
-    let accept = if picker.button().is_some() { "change" } else { "accept" };
-    let own = |(action, label): (Action, &str)| {
-        (format!(" {}: {label} ", screen.keymap.key_of(action)), Click::Act(action))
-    };
-    let mut buttons = vec![(format!(" Enter: {accept} "), Click::Answer)];
-    buttons.extend(picker.button().map(own));
-    buttons.push((" Esc: close ".to_owned(), Click::Close));
-    buttons
-}
-
 /// Draws the box around a dialog, with its buttons at the bottom; returns the area inside.
-fn draw_box(
-    frame: &mut Frame,
-    dialog_area: Rect,
-    title: &str,
-    mut buttons: Vec<(String, Click)>,
-    layout: &mut ScreenLayout,
-) -> Rect {
+fn draw_box(frame: &mut Frame, dialog_area: Rect, title: &str, layout: &mut ScreenLayout) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
     // Leave out a part in brackets that does not fit.
     let title = if display_width(title) + 2 > room {
@@ -245,16 +223,8 @@ fn draw_box(
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
-    // Accept and close are left out last.
-    while buttons.len() > 2
-        && buttons.iter().map(|(label, _)| display_width(label) + 1).sum::<usize>() > room + 1
-    {
-        buttons.remove(1);
-    }
-    for (n, (label, click)) in buttons.into_iter().enumerate() {
-        bar.push(Span::raw(if n > 0 { " " } else { "" }), None);
-        bar.push(Span::raw(label), click);
-    }
+    bar.push(Span::raw(" Enter: accept "), Click::Answer);
+    bar.push(Span::raw("  Esc: close "), Click::Close);
     let width = (bar.width() as u16).min(inner.width);
     bar.draw(
         frame,

@@ -50,7 +50,6 @@ pub fn draw(page: &mut Page, area: Rect) {
 pub fn draw_notice(frame: &mut Frame, at: Rect, theme: &Theme, notice: Notice) {
     let style = match notice {
         Notice { is_error: true, .. } => theme.failure(),
-        Notice { fades: true, .. } => DIM,
         _ => BOLD,
     };
     let columns = usize::from(at.width).saturating_sub(2).max(8);
@@ -130,11 +129,11 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
 pub fn untold_mouse(screen: &Screen, editor: &Editor, width: u16) -> Option<&'static str> {
     let untold =
         editor.is_open() && !has_room_for_mouse(editor, &tool_bar(screen, editor, width), width);
-    untold.then(|| editor.tool.mouse())
+    untold.then(|| editor.tool.about().1)
 }
 
 fn mouse(editor: &Editor) -> String {
-    format!(" {}", editor.tool.mouse())
+    format!(" {}", editor.tool.about().1)
 }
 
 fn has_room_for_mouse(editor: &Editor, bar: &ClickableLine, width: u16) -> bool {
@@ -149,7 +148,7 @@ fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
-            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.name(), style);
+            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
         }
         bar.push(Span::raw(" "), None);
         bar

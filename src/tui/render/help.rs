@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::{middle, training, without_slivers};
-use crate::tui::action::{Action, Binding, Mode, SECTIONS, When, bindings};
+use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -29,11 +29,10 @@ const NARROW_NAME_WIDTH: usize = 8;
 const WIDE: usize = 60;
 
 /// The modes of a run whose bindings are listed.
-const OF_RUNS: [Mode; 6] =
-    [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
+const OF_RUNS: [Mode; 3] = [Mode::Watching, Mode::Editing, Mode::Touring];
 
 /// Those of a comparison.
-const OF_COMPARISONS: [Mode; 3] = [Mode::Comparing, Mode::EditingBoth, Mode::Help];
+const OF_COMPARISONS: [Mode; 2] = [Mode::Comparing, Mode::EditingBoth];
 
 /// Draws the help in the middle of the screen, scrolled at most to the end of the text.
 pub fn draw(
@@ -45,7 +44,7 @@ pub fn draw(
 ) {
     let width = without_slivers(frame.area(), HELP_WIDTH);
     let entries = entries(screen, scene, usize::from(width.saturating_sub(2)), help);
-    draw_entries(frame, &screen.keymap, &entries, help, layout);
+    draw_entries(frame, &entries, help, layout);
 }
 
 /// Draws the help of lists of runs, like [`draw`].
@@ -64,13 +63,12 @@ pub fn draw_for_lists(frame: &mut Frame, keymap: &Keymap, help: &Help, layout: &
         let is_listed = move |b: &&Binding| b.is_active(Mode::Listing) && b.when == when;
         bindings().filter(is_listed).map(entry)
     };
-    let entries: Vec<_> = listed(When::Listing).chain(listed(When::Always)).collect();
-    draw_entries(frame, keymap, &entries, help, layout);
+    let entries: Vec<_> = listed(Some(Mode::Listing)).chain(listed(None)).collect();
+    draw_entries(frame, &entries, help, layout);
 }
 
 fn draw_entries(
     frame: &mut Frame,
-    keymap: &Keymap,
     entries: &[Vec<Line<'static>>],
     help: &Help,
     layout: &mut ScreenLayout,
@@ -95,15 +93,14 @@ fn draw_entries(
     let room = dialog_area.width.saturating_sub(2);
     let bottom = dialog_area.bottom().saturating_sub(1);
     let foot = Rect { x: dialog_area.x + 1, y: bottom, width: room, height: 1 };
-    buttons(keymap, shown, all.len(), usize::from(room)).draw(frame, foot, layout);
+    buttons(shown, all.len(), usize::from(room)).draw(frame, foot, layout);
     layout.help_lines = Some(first..first + height);
 }
 
 /// Returns the buttons of the help, and which lines of how many are `shown` if that is not all.
-fn buttons(keymap: &Keymap, shown: Range<usize>, all: usize, room: usize) -> ClickableLine {
-    let key = keymap.key_of(Action::SearchHelp);
+fn buttons(shown: Range<usize>, all: usize, room: usize) -> ClickableLine {
     let mut bar = ClickableLine::default();
-    bar.push(Span::raw(format!(" {key}: search ")), Click::Act(Action::SearchHelp));
+    bar.push(Span::raw(" /: search "), None);
     bar.push(Span::raw(" Esc: close "), Click::Close);
     if shown.len() < all {
         let (first, last) = (shown.start + 1, shown.end);
@@ -157,7 +154,7 @@ fn entries(screen: &Screen, scene: &Scene, width: usize, help: &Help) -> Vec<Vec
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            entries.push(entry(&keys, scene.wording(binding), binding.when.place(), width));
+            entries.push(entry(&keys, scene.wording(binding), binding.place(), width));
         }
     }
     entries.extend(title("the numbers"));

@@ -1,12 +1,11 @@
-//! The hint above the map: which moment is shown, or for a while how to draw on the map, a saved run
-//! to resume, or what the screen shows.
+//! The hint above the map: which moment is shown, or for a while how to draw on the map or what the
+//! screen shows.
 
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
 use super::{Page, footer};
-use crate::host::runs;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::scene::Scene;
@@ -28,7 +27,6 @@ pub fn draw(page: &mut Page, area: Rect) {
     }
     let line = line
         .or_else(|| how_to_draw(screen, scene, frame.area().width))
-        .or_else(|| offer(screen, width))
         .or_else(|| what_to_see(screen, width));
     let Some(line) = line else { return };
     let width = (line.width() as u16).min(area.width);
@@ -93,39 +91,9 @@ fn plain(text: &str) -> ClickableLine {
     line
 }
 
-/// Offers the saved run, in at most `width` columns if possible.
-fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
-    let found = screen.offer.as_ref()?;
-    let method = found.run.method.name();
-    let method =
-        if found.run.method == screen.run().method { String::new() } else { format!("{method}: ") };
-    let text = format!("{method}{}", runs::summary(found));
-    let success = found
-        .success
-        .and_then(|s| s.planned.or(s.greedy))
-        .map(|success| format!(", success {success:.2}"));
-    let updates = format!("{method}{} updates", grouped(found.updates));
-    let variants = [
-        (format!("{text}{}", success.unwrap_or_default()), true),
-        (text, true),
-        (updates, true),
-        ("saved run".to_owned(), false),
-    ];
-    let lines = variants.map(|(text, hides)| {
-        let mut line = ClickableLine::default();
-        line.push(Span::styled(format!(" {text}:"), REVERSED), Click::Act(Action::Resume));
-        push_key(&mut line, screen, Action::Resume, "resumes");
-        if hides {
-            push_key(&mut line, screen, Action::Close, "hides");
-        }
-        line
-    });
-    fitting(lines, width)
-}
-
-/// Explains the colours and the effect of a click, until the interface has been used.
+/// Explains the colours and the effect of a click.
 fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
-    if !screen.first_run {
+    if !screen.explains {
         return None;
     }
     let mono = screen.theme.depth == ColourDepth::Mono;
@@ -142,10 +110,7 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
         line.push(Span::styled(format!(" {colours} \u{b7} {click} \u{b7}"), REVERSED), None);
         push_key(&mut line, screen, Action::Help, "help");
         if names_tour {
-            line.push(
-                Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED),
-                Click::Act(Action::Tour),
-            );
+            line.push(Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED), None);
         }
         line
     });

@@ -2,8 +2,7 @@
 //!
 //! ```text
 //! +----------------------------------------------+
-//! | folders, what is being read                  |  header
-//! | 12 of 34 runs, words                         |
+//! | folders, 12 of 34 runs, words                |  header
 //! |   map method seed updates success ... file   |  list
 //! | A ...                                        |
 //! |------------------------------+---------------|
@@ -25,7 +24,7 @@ use super::RunsScreen;
 use super::list::List;
 use crate::experiment::plot::Measure;
 use crate::experiment::runs::{COLUMNS, SavedRun, name};
-use crate::tui::action::{Action, Binding, ListAction, Mode, When, bindings};
+use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::render::chart::{self, Curve};
 use crate::tui::render::{curves, finish_frame, footer, help, too_small};
@@ -37,9 +36,6 @@ use gdg::train::{Preset, list_settings};
 
 /// The smallest screen with room for everything, in columns and rows.
 const MIN_SIZE: (u16, u16) = (60, 16);
-
-/// Columns from which curves and settings are beside the list.
-const WIDE_SCREEN: u16 = 170;
 
 /// The columns of the list that are left out first where there is no room.
 const LEFT_OUT: [&str; 3] = ["written", "greedy", "state"];
@@ -56,7 +52,6 @@ const MIN_ROWS: usize = 6;
 /// Columns before a row, for its letter.
 const MARGIN: usize = 2;
 
-/// Where the parts of the screen are.
 #[derive(Debug, Default)]
 pub struct Places {
     pub layout: ScreenLayout,
@@ -64,7 +59,6 @@ pub struct Places {
     pub columns: Vec<(Rect, usize)>,
 }
 
-/// Draws everything.
 pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     let area = frame.area();
     let mut places = Places { layout: ScreenLayout::new(area), ..Places::default() };
@@ -76,16 +70,15 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
             .areas(area);
     let [list, curves, settings] = panes(body, screen.list.all().len());
-    header(frame, head, screen);
     draw_list(frame, list, screen, &mut places);
+    header(frame, head, screen, places.layout.rows);
     let within = |frame: &mut Frame, area: Rect, borders| {
         let block = Block::new().borders(borders);
         let inner = block.inner(area);
         frame.render_widget(block, area);
         inner
     };
-    let edges = if curves.x > list.x { Borders::LEFT } else { Borders::NONE };
-    let inner = within(frame, curves, edges | Borders::TOP);
+    let inner = within(frame, curves, Borders::TOP);
     let runs = drawn(&screen.list);
     let layout = &mut places.layout;
     draw_curves(frame, inner, screen, &runs, layout);
@@ -110,16 +103,10 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> Places {
     places
 }
 
-/// Returns the areas of the list, which has `rows` rows, of the curves and of the settings.
 fn panes(body: Rect, rows: usize) -> [Rect; 3] {
     let fill = Constraint::Fill;
-    if body.width >= WIDE_SCREEN {
-        let [list, rest] = Layout::horizontal([fill(1), fill(1)]).areas(body);
-        let [curves, settings] = Layout::vertical([fill(2), fill(1)]).areas(rest);
-        return [list, curves, settings];
-    }
-    // Two more for title and names.
-    let rows = u16::try_from(rows.max(MIN_ROWS) + 2).unwrap_or(u16::MAX).min(body.height / 2);
+    // One more for names.
+    let rows = u16::try_from(rows.max(MIN_ROWS) + 1).unwrap_or(u16::MAX).min(body.height / 2);
     let [list, rest] = Layout::vertical([Constraint::Length(rows), fill(1)]).areas(body);
     let [curves, settings] = Layout::horizontal([fill(3), fill(2)]).areas(rest);
     [list, curves, settings]
@@ -128,7 +115,6 @@ fn panes(body: Rect, rows: usize) -> [Rect; 3] {
 /// A run whose curve and settings are shown, with the number of its letter if it is marked.
 type Drawn<'a> = (Option<usize>, &'a SavedRun);
 
-/// Returns the marked runs, and first the selected one.
 fn drawn(list: &List) -> Vec<Drawn<'_>> {
     let is_drawn = |run: &&Arc<SavedRun>| list.mark(run).is_none() && !run.is_damaged();
     let selected = list.selected().filter(is_drawn).map(|run| (None, &**run));
@@ -141,33 +127,44 @@ fn sign(letter: Option<usize>) -> char {
     letter.map_or('>', |letter| char::from(b'A' + letter as u8))
 }
 
-/// Returns the style of a marked run's letter and curve.
 fn style(letter: Option<usize>, theme: &Theme) -> Style {
     letter.map_or(Style::new(), |letter| curves::colour(theme, letter).patch(BOLD))
 }
 
-fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen) {
+/// Draws how many runs are listed, the words that they must have, and the rows in view.
+fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Rect, usize)) {
+    let RunsScreen { list, words, is_typing, .. } = screen;
+    let is_run = |run: &&Arc<SavedRun>| !run.is_damaged();
+    let [shown, all] =
+        [list.shown().filter(is_run).count(), list.all().iter().filter(is_run).count()];
+    let of = if shown == all { String::new() } else { format!("{shown} of ") };
     let mut spans = vec![
         Span::styled(" gdg-tui runs ", BOLD.patch(REVERSED)),
         Span::styled(format!(" {} ", screen.title), BOLD),
+        Span::raw(format!(" {of}{} ", counted(all as u64, "run"))),
     ];
+    if *is_typing || !words.value().is_empty() {
+        let cursor = if *is_typing { "_" } else { "" };
+        spans.push(Span::raw(format!(" with words: {}{cursor} ", words.value())));
+    }
     if let Some([read, all]) = screen.read.filter(|[read, all]| read < all) {
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }
-    let damaged = screen.list.all().iter().filter(|run| run.is_damaged()).count();
-    if damaged > 0 {
-        let count = counted(damaged as u64, "file");
-        let text = format!(" {count} cannot be read, see the end of the list ");
+    let rows = list.shown().len();
+    if rows > usize::from(view.height) {
+        let last = rows.min(first + usize::from(view.height));
+        spans.push(Span::raw(format!(" {} to {last} of {rows} ", first + 1)));
+    }
+    if list.all().len() > all {
+        let text = format!(" {} cannot be read ", counted((list.all().len() - all) as u64, "file"));
         spans.push(Span::styled(text, screen.theme.failure()));
     }
     frame.render_widget(fitted_line(Line::from(spans), area.width), area);
 }
 
-/// Draws the list below its title and the names of its columns.
 fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Places) {
     let RunsScreen { list, theme, .. } = screen;
-    let [title, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(body);
+    let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     let columns = columns(list, usize::from(area.width));
     let widths = columns.iter().map(|(_, width)| Constraint::Length(*width as u16));
     let widths: Vec<Constraint> =
@@ -197,9 +194,7 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
             [Line::styled(sign, style(letter, theme))].into_iter().chain(cells).collect();
         if i == position { row.style(REVERSED) } else { row }
     });
-    let shown: Vec<Row> = shown.collect();
-    let last = first + shown.len();
-    frame.render_widget(Table::new(shown, widths).header(head), body);
+    frame.render_widget(Table::new(shown, widths).header(head), area);
     for (run, area) in list.shown().skip(first).zip(rows.rows()) {
         if let Some(problem) = run.problem.as_ref().filter(|_| run.is_damaged()) {
             let text = Line::styled(format!("   {}{problem}", name(&run.source)), DIM);
@@ -212,27 +207,6 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Pl
         let text = Line::styled(if is_read { none } else { "   reading ..." }, DIM);
         frame.render_widget(text, rows);
     }
-    frame.render_widget(list_title(screen, [first + 1, last]), title);
-}
-
-/// Returns the line that says how many runs are listed, the words that they must have, and the
-/// first and the last row in view.
-fn list_title(screen: &RunsScreen, [first, last]: [usize; 2]) -> Block<'static> {
-    let RunsScreen { list, words, is_typing, .. } = screen;
-    let shown = list.shown().filter(|run| !run.is_damaged()).count() as u64;
-    let all = list.all().iter().filter(|run| !run.is_damaged()).count() as u64;
-    let of = if shown == all { String::new() } else { format!("{shown} of ") };
-    let mut title = vec![Span::styled(format!(" {of}{} ", counted(all, "run")), BOLD)];
-    if *is_typing || !words.value().is_empty() {
-        let cursor = if *is_typing { "_" } else { "" };
-        title.push(Span::raw(format!(" with words: {}{cursor} ", words.value())));
-    }
-    let block = Block::new().borders(Borders::TOP).title(Line::from(title));
-    let rows = list.shown().len();
-    if first == 1 && last >= rows {
-        return block;
-    }
-    block.title(Line::raw(format!(" {first} to {last} of {rows} ")).right_aligned())
 }
 
 /// Returns the columns that there is room for, and their widths: wide enough for every run, but for
@@ -277,7 +251,7 @@ fn draw_curves(
             style: style(*letter, theme),
             marker: letter.map_or(Marker::Braille, |letter| curves::marker(theme, letter)),
             points: points
-                .filter_map(|at| Some((axis.of(at)?, measure.of(&at.evaluation)?)))
+                .filter_map(|at| Some((axis.of(at), measure.of(&at.evaluation)?)))
                 .collect(),
         }
     };
@@ -348,7 +322,6 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
     facts.into_iter().chain(settings).filter(is_told).collect()
 }
 
-/// Draws what the runs differ in, side by side, as far as there is room.
 fn draw_settings(frame: &mut Frame, area: Rect, runs: &[Drawn], theme: &Theme) {
     let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
     let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0).min(MAX_NAME);
@@ -370,7 +343,6 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[Drawn], theme: &Theme) {
     frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
 }
 
-/// Draws a question, a notice, or keys.
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
     if let Some((question, _)) = &screen.deletion {
         let text = Line::styled(format!(" {question}"), BOLD.patch(REVERSED));
@@ -385,7 +357,9 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
     }
     let named = |is_own: bool| {
         let is_shown = move |b: &&Binding| {
-            !b.short.is_empty() && b.is_active(Mode::Listing) && (b.when == When::Listing) == is_own
+            !b.short.is_empty()
+                && b.is_active(Mode::Listing)
+                && (b.when == Some(Mode::Listing)) == is_own
         };
         bindings().filter(is_shown).map(|b| (b.action, b.short))
     };

@@ -19,12 +19,10 @@ const MAX_MARKS: usize = 26;
 #[derive(Debug)]
 pub struct List {
     all: Vec<Arc<SavedRun>>,
-    /// Indices of those shown, in order.
     shown: Vec<usize>,
     /// The marked runs, by the numbers of their letters.
     marks: BTreeMap<usize, Arc<SavedRun>>,
     selected: Option<Arc<SavedRun>>,
-    /// The column that it is sorted by, and whether in reverse.
     pub order: (usize, bool),
     words: String,
 }
@@ -76,7 +74,6 @@ impl List {
         self.arrange();
     }
 
-    /// Filters and sorts.
     fn arrange(&mut self) {
         let wanted = self.words.to_lowercase();
         let matches = |i: &usize| {
@@ -101,12 +98,10 @@ impl List {
         self.shown = shown;
     }
 
-    /// All rows, whether or not they are shown.
     pub fn all(&self) -> &[Arc<SavedRun>] {
         &self.all
     }
 
-    /// The rows shown, in order.
     pub fn shown(&self) -> impl ExactSizeIterator<Item = &Arc<SavedRun>> {
         self.shown.iter().map(|i| &self.all[*i])
     }
@@ -122,13 +117,11 @@ impl List {
         self.shown().nth(self.position())
     }
 
-    /// Selects a row, or the nearest one.
     pub fn select(&mut self, place: usize) {
         let place = place.min(self.shown.len().saturating_sub(1));
         self.selected = self.shown.get(place).map(|i| self.all[*i].clone());
     }
 
-    /// Moves the selection by a number of rows.
     pub fn step(&mut self, rows: isize) {
         self.select(self.position().saturating_add_signed(rows));
     }
@@ -160,19 +153,16 @@ impl List {
         &self.marks
     }
 
-    /// Sorts by a column, or reverses its order if the list is sorted by it.
     pub fn sort_by(&mut self, column: usize) {
         self.order = (column, self.order == (column, false));
         self.arrange();
     }
 
-    /// Shows only rows with all of these words.
     pub fn filter(&mut self, words: &str) {
         words.clone_into(&mut self.words);
         self.arrange();
     }
 
-    /// Returns the wish to see the selected run.
     pub fn to_resume(&self) -> Result<Wish, String> {
         wish(self.selected().ok_or("no run is selected")?, None)
     }
@@ -242,7 +232,6 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
     Ok(Wish { file: checkpoint(run)?, beside, warning })
 }
 
-/// Deletes files; returns what was done.
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {
     for file in files {
         remove(file).map_err(|error| format!("{} is kept: {error}", file.display()))?;

@@ -112,8 +112,6 @@ impl SpaceState {
             | Action::Undo
             | Action::Redo
             | Action::SaveMap
-            | Action::NewMap
-            | Action::ResizeMap
             | Action::Toggle(Overlay::Unexplored | Overlay::Directions) => false,
             Action::StartHere
             | Action::ZoomIn
@@ -388,7 +386,7 @@ impl SpaceState {
             MouseEventKind::Down(button) => {
                 self.shown.angle = projection.angle.unwrap_or_default();
                 self.turned = false;
-                screen.on_first_use();
+                screen.explains = false;
                 self.dragged_from = Some(at);
                 match button {
                     // There, a drag turns the projection; a click sets the goal once the button is
@@ -429,7 +427,7 @@ impl SpaceState {
     pub fn show(&mut self, view: Arc<SpaceView>, screen: &mut Screen, link: &Link) {
         // Also goals that the viewer has drawn, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
-            && *number == link.goal_request()
+            && *number == link.goal_request
         {
             self.goal.clone_from(goal);
         }

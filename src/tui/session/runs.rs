@@ -2,18 +2,16 @@
 
 use std::sync::Arc;
 
-use super::saving::{Saver, is_worth_saving};
-use super::{Cx, Session};
-use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
+use super::Cx;
+use super::saving::{Saver, is_worth_saving, unsaved};
+use crate::tui::dialog::{Choice, Prompt, Question};
 use crate::tui::lists;
 use crate::tui::scene::Scene;
 use crate::tui::scene::maze::maze_on;
 use gdg::engine::{Command, MakeWorld};
 use gdg::env::{WorldKind, maze};
 use gdg::map::Grid;
-use gdg::train::{
-    Effect, Run, Setting, Settings, list_settings, resets_networks, settings_in_world, with_setting,
-};
+use gdg::train::{Run, Setting, list_settings, resets_networks, settings_in_world};
 
 /// Continues with the run as modified by `change`; asks first if that discards much that the
 /// networks have learned.
@@ -24,7 +22,10 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
         return;
     }
     if resets_networks(cx.screen.run(), &run) && is_worth_saving(cx) {
-        cx.screen.open(lists::change_choices(&cx.screen.latest, run));
+        let (title, begin) =
+            ("this resets the networks, which are not saved", "continue with new networks");
+        let choice = Choice::Change(Box::new(run));
+        cx.screen.open(lists::leave(title, begin, "", choice, Some(&cx.screen.latest)));
     } else {
         change_to(run, saver, cx);
     }
@@ -39,10 +40,13 @@ pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
     }
 }
 
-pub fn ask_seed(cx: &mut Cx) {
-    let next = cx.screen.run().seed.wrapping_add(1).to_string();
-    let hint = "an integer: same seed, same run";
-    cx.screen.open(Prompt::new(Question::Seed, "restart with seed", hint, next));
+/// Restarts with the next seed, after a question.
+pub fn ask_to_restart(cx: &mut Cx) {
+    let seed = cx.screen.run().seed.wrapping_add(1);
+    let title = format!("restart with seed {seed}");
+    let begin = format!("start a new run on this map with seed {seed}");
+    let choice = Choice::Restart(seed);
+    cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
 }
 
 pub fn restart(seed: u64, cx: &mut Cx) {
@@ -85,7 +89,10 @@ pub fn continue_on(map: &Grid, cx: &mut Cx) {
 /// Loads a checkpoint; asks first if much would be lost, unless the user has decided.
 pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
     if !is_decided && is_worth_saving(cx) {
-        return cx.screen.open(lists::load_choices(&cx.screen.latest, path));
+        let title = "load a checkpoint without saving this run?";
+        let choice = Choice::LoadUnsaved(path);
+        let question = lists::leave(title, "load it", "", choice, Some(&cx.screen.latest));
+        return cx.screen.open(question);
     }
     cx.screen.notify(&format!("loading {} ...", path.display()));
     cx.command(Command::Load(path));
@@ -96,42 +103,12 @@ fn adapted_to(kind: &WorldKind, cx: &Cx) -> Run {
     Run { settings: settings_in_world(run.preset, kind.defaults), ..run }
 }
 
-/// Gives the setting selected in the list the value of the run's preset.
-pub fn reset_setting(session: &mut Session) {
-    let Session { cx, saver, .. } = session;
-    let Some(Dialog::Pick(picker)) = cx.screen.dialogs.last() else { return };
-    let Some(Choice::Setting(name)) = picker.choice().cloned() else { return };
-    let run = cx.screen.run();
-    let Some(value) = value_of(&name, &cx.screen.settings_of(run.preset)) else { return };
-    match with_setting(&run.settings, &name, &value) {
-        Ok(settings) if settings == run.settings => {
-            cx.screen.notify(&format!("{name} has its default already"));
-        }
-        Ok(settings) => change(|run| run.settings = settings, saver, cx),
-        Err(error) => cx.screen.report(&error.one_line()),
-    }
-}
-
-/// Asks for a setting's new value; a switch that costs nothing is turned over at once.
-pub fn ask_setting(name: String, saver: &mut Saver, cx: &mut Cx) {
-    let value = value_of(&name, &cx.screen.run().settings).unwrap_or_default();
-    let setting = Setting::named(&name);
-    if setting
-        .is_some_and(|setting| setting.values.are_switch() && setting.effect == Effect::Immediate)
-    {
-        let other = if value == "true" { "false" } else { "true" };
-        if let Ok(settings) = with_setting(&cx.screen.run().settings, &name, other) {
-            change(|run| run.settings = settings, saver, cx);
-        }
-        return;
-    }
+pub fn ask_setting(name: String, cx: &mut Cx) {
+    let values = list_settings(&cx.screen.run().settings);
+    let value = values.into_iter().find(|(known, _)| *known == name).map(|(_, value)| value);
+    let (value, setting) = (value.unwrap_or_default(), Setting::named(&name));
     let hint = setting.map_or(String::new(), |setting| {
         format!("{}: {}; {}", setting.about, setting.values, setting.effect.about())
     });
     cx.screen.open(Prompt::new(Question::Setting(name.clone()), name, hint, value));
-}
-
-fn value_of(name: &str, settings: &Settings) -> Option<String> {
-    let (_, value) = list_settings(settings).into_iter().find(|(known, _)| *known == name)?;
-    Some(value)
 }

@@ -13,16 +13,17 @@ use crate::host::outputs::save_elsewhere;
 use crate::host::report::from_checkpoint_error;
 use crate::host::runs::{SAVES, resume_command};
 use crate::host::waiting::{TWICE, Waiting};
-use crate::tui::dialog::{Choice, Picker, Prompt, Question};
+use crate::tui::dialog::{Choice, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;
 use crate::tui::screen::Screen;
 use crate::tui::terminal;
 use gdg::engine::{Command, Engine, Phase, Snapshot};
 use gdg::files::{named, unused_path};
+use gdg::job::Running;
 use gdg::map::Grid;
 use gdg::text::grouped;
-use gdg::train::{self, Notes, Run, SaveTo, Trainer};
+use gdg::train::{self, Notes, SaveTo, Trainer};
 
 /// Unsaved training that quitting may discard without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
@@ -41,13 +42,14 @@ pub struct Saver {
     first: Option<SaveTo>,
     /// The folder of runs without a file of their own.
     pub folder: PathBuf,
-    pub autosave: Autosave,
-    quit_state: QuitState,
+    /// Minutes between two autosaves; 0 for none.
+    pub autosave_minutes: f64,
+    autosaved_at: Instant,
     /// The checkpoint that is asked for and not written yet: since when, and the map in it.
     awaited: Option<(Instant, Option<Arc<Grid>>)>,
-    /// Whether the program is to quit.
     pub is_done: bool,
-    /// What to do once the checkpoint is written.
+    /// What to do once the checkpoint is written. If it cannot be written and that is to quit, the
+    /// user is asked for another file.
     then: Option<Choice>,
     /// Whether training was running when it was paused to save before quitting.
     was_training: bool,
@@ -57,16 +59,8 @@ pub struct Saver {
     pub offers: bool,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum QuitState {
-    No,
-    /// Quits once the checkpoint is written.
-    Saving,
-    /// The checkpoint could not be written: the user is asked for another file.
-    Asking,
-}
+const QUIT: Choice = Choice::Quit { save: false };
 
-/// Where it saves.
 impl Saver {
     /// Creates a saver to the file named on the command line; 0 minutes switch autosaves off.
     pub fn new(first: Option<SaveTo>, autosave_minutes: f64) -> Self {
@@ -76,8 +70,8 @@ impl Saver {
             named,
             first,
             folder: SAVES.into(),
-            autosave: Autosave::every(autosave_minutes),
-            quit_state: QuitState::No,
+            autosave_minutes,
+            autosaved_at: Instant::now(),
             awaited: None,
             is_done: false,
             then: None,
@@ -118,10 +112,7 @@ impl Saver {
         let stem = self.to.path().file_stem().map(|s| s.to_string_lossy().into_owned());
         Prompt::new(Question::SaveAs, title, hint, stem.unwrap_or_default())
     }
-}
 
-/// Saving.
-impl Saver {
     /// Saves the run; returns whether the trainer accepted the command.
     pub fn save(&mut self, cx: &mut Cx) -> bool {
         cx.screen.notify(&format!("saving {} ...", self.next_file().display()));
@@ -143,29 +134,14 @@ impl Saver {
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
     pub fn save_under(&mut self, path: PathBuf, cx: &mut Cx) {
         self.to = SaveTo::Replace(path);
-        if self.save(cx) && self.quit_state == QuitState::Asking {
-            self.quit_state = QuitState::Saving;
-        }
+        self.save(cx);
     }
 
     /// Saves automatically, to a file next to the user's own.
     fn autosave(&mut self, cx: &mut Cx) {
-        self.autosave.writing = Some(Content::of(cx));
         cx.command(Command::Autosave(self.to.path().to_owned(), notes(cx)));
     }
 
-    /// Returns whether anything has changed since the latest autosave. What has not needs no other
-    /// copy, which would take the place of an older one.
-    pub fn has_something_to_autosave(&self, cx: &Cx) -> bool {
-        let Autosave { writing, written, .. } = &self.autosave;
-        cx.screen.latest.unsaved_updates() > 0
-            && writing.is_none()
-            && written.as_ref() != Some(&Content::of(cx))
-    }
-}
-
-/// Quitting.
-impl Saver {
     /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
     /// environment may hang, is written on closing.
     pub fn quit(&mut self, cx: &mut Cx) {
@@ -175,14 +151,11 @@ impl Saver {
         } else if self.named.is_some() {
             self.save_and_quit(cx);
         } else if is_worth_saving(cx) {
-            cx.screen.open(self.quit_question(cx));
+            let (latest, is_edited) = (&cx.screen.latest, cx.scene.has_unsaved_map());
+            cx.screen.open(lists::quit_choices(latest, is_edited, &self.next_file()));
         } else {
             self.is_done = true;
         }
-    }
-
-    pub fn quit_question(&self, cx: &Cx) -> Picker {
-        lists::quit_choices(&cx.screen.latest, cx.scene.has_unsaved_map(), &self.next_file())
     }
 
     pub fn save_and_quit(&mut self, cx: &mut Cx) {
@@ -192,15 +165,12 @@ impl Saver {
         }
         self.was_training = cx.screen.latest.phase.is_training();
         cx.command(Command::Pause);
-        if self.save(cx) {
-            self.quit_state = QuitState::Saving;
-        }
+        self.save_then(QUIT, cx);
     }
 
     /// Handles a closed dialog: quitting is cancelled, and training paused for it resumes.
     pub fn cancel_quit(&mut self, cx: &mut Cx) {
-        let was = std::mem::replace(&mut self.quit_state, QuitState::No);
-        if was == QuitState::Asking && self.was_training {
+        if self.then.take_if(|then| *then == QUIT).is_some() && self.was_training {
             cx.command(Command::Resume);
         }
     }
@@ -220,22 +190,17 @@ impl Saver {
             if let Some((_, Some(map))) = self.awaited.take() {
                 cx.scene.keep_map(map);
             }
-            self.is_done |= self.quit_state == QuitState::Saving;
             then = self.then.take();
         }
         if now.save_failed.0 > before.save_failed.0 {
             self.awaited = None;
-            self.then = None;
-            if self.quit_state == QuitState::Saving {
-                self.quit_state = QuitState::Asking;
+            self.then.take_if(|then| *then != QUIT);
+            if self.then.is_some() {
                 let title = "not saved: save elsewhere and quit (Esc cancels)";
                 let mut prompt = self.ask_file(title, String::new());
                 prompt.error = Some(now.save_failed.1.clone());
                 cx.screen.open(prompt);
             }
-        }
-        if !Arc::ptr_eq(&now.autosaves, &before.autosaves) {
-            self.autosave.written = self.autosave.writing.take();
         }
         then
     }
@@ -244,7 +209,7 @@ impl Saver {
     /// saves it automatically.
     pub fn on_tick(&mut self, cx: &mut Cx) {
         let waits = |(since, _): &(Instant, _)| since.elapsed() > LONGEST_WAIT_TO_QUIT;
-        if self.quit_state == QuitState::Saving && self.awaited.as_ref().is_some_and(waits) {
+        if self.then == Some(QUIT) && self.awaited.as_ref().is_some_and(waits) {
             self.quit(cx);
         }
         for failure in gdg::faults::take_failures() {
@@ -255,8 +220,13 @@ impl Saver {
                 self.show_failure("internal error", &text, &mut cx.screen);
             }
         }
-        if self.autosave.is_due() && self.has_something_to_autosave(cx) {
-            self.autosave(cx);
+        let minutes = self.autosaved_at.elapsed().as_secs_f64() / 60.0;
+        if self.autosave_minutes > 0.0 && minutes > self.autosave_minutes {
+            self.autosaved_at = Instant::now();
+            // What has not changed needs no other copy, which would take the place of an older one.
+            if cx.screen.latest.lost_updates() > 0 {
+                self.autosave(cx);
+            }
         }
     }
 
@@ -282,64 +252,10 @@ impl Saver {
     }
 }
 
-/// What an autosave keeps.
-#[derive(PartialEq)]
-struct Content {
-    run: Arc<Run>,
-    updates: u64,
-    map: Option<Arc<Grid>>,
-}
-
-impl Content {
-    fn of(cx: &Cx) -> Self {
-        let (latest, map) = (&cx.screen.latest, cx.scene.maze().map(|maze| maze.map.clone()));
-        Self { run: latest.run.clone(), updates: latest.updates(), map }
-    }
-}
-
-/// When the run is saved automatically.
-pub struct Autosave {
-    /// Minutes between two; 0 for none.
-    pub minutes: f64,
-    since: Instant,
-    /// What is being saved, and what was saved last.
-    writing: Option<Content>,
-    written: Option<Content>,
-}
-
-impl Autosave {
-    fn every(minutes: f64) -> Self {
-        Self { minutes, since: Instant::now(), writing: None, written: None }
-    }
-
-    pub fn set_interval(&mut self, minutes: f64) {
-        (self.minutes, self.since) = (minutes, Instant::now());
-    }
-
-    /// Returns whether an interval is over, and begins the next one.
-    fn is_due(&mut self) -> bool {
-        let due = self.minutes > 0.0 && self.since.elapsed().as_secs_f64() > 60.0 * self.minutes;
-        if due {
-            self.since = Instant::now();
-        }
-        due
-    }
-
-    /// Handles an error: perhaps it was the autosave that failed; then it is tried again.
-    pub fn failed(&mut self) {
-        self.writing = None;
-    }
-}
-
 pub fn ask_file(session: &mut Session) {
     let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
     let prompt = session.saver.ask_file("save the checkpoint as", hint);
     session.open(prompt);
-}
-
-pub fn ask_interval(session: &mut Session) {
-    let (now, hint) = (session.saver.autosave.minutes.to_string(), "minutes; 0 turns autosave off");
-    session.open(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
 }
 
 pub fn notes(cx: &Cx) -> Notes {
@@ -355,26 +271,25 @@ pub fn is_worth_saving(cx: &Cx) -> bool {
     cx.screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || cx.scene.has_unsaved_map()
 }
 
+/// Returns the present state if it is worth saving.
+pub fn unsaved(cx: &Cx) -> Option<&Snapshot> {
+    is_worth_saving(cx).then_some(&*cx.screen.latest)
+}
+
 impl Session {
     /// Ends training, and saves if that is requested and not yet done. The summary says how much is
     /// not saved if the run `is_kept` at all.
     pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
-        self.exports.finish();
+        // A second or two; otherwise its temporary file would stay behind.
+        self.writing.take().map(Running::finish);
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
         self.screen.snapshot = self.screen.latest.clone();
         let job = engine.job().clone();
         let _waiting = Waiting::begin(&job, TWICE, terminal::restore);
         let failed = self.saver.has_failed || matches!(self.screen.latest.phase, Phase::Failed(_));
-        let mut ending = Ending {
-            files: String::new(),
-            is_wanted: self.saver.named.is_some(),
-            is_worth_saving: is_worth_saving(&self),
-            is_kept,
-            has_unsaved_map: self.scene.has_unsaved_map(),
-            tells_lost: false,
-        };
-        let notes = notes(&self);
+        let (is_wanted, is_worth_saving) = (self.saver.named.is_some(), is_worth_saving(&self));
+        let (notes, has_unsaved_map) = (notes(&self), self.scene.has_unsaved_map());
         let Self { saver, cx, .. } = self;
         let (mut screen, snapshots) = (cx.screen, engine.snapshots());
         // The trainer ends once nothing can send it commands any more.
@@ -391,10 +306,34 @@ impl Session {
             (Some((_, path)), None) => SaveTo::Replace(path.to_path_buf()),
             _ => saver.to,
         };
-        let (saved_to, saved) = ending.save(trainer, notes, &to, &mut snapshot);
-        ending.tell_files(saved.is_ok() && !failed, &mut snapshot);
-        let files = ending.files;
-        let newest = saved_to.or_else(|| newest_file(&snapshot));
+        let saved_at = snapshot.saved.as_ref().map(|(updates, _)| *updates);
+        let tells_lost =
+            !is_wanted && trainer.is_some() && is_kept && (is_worth_saving || saved_at.is_some());
+        let saved = match trainer {
+            None if is_wanted || is_worth_saving => {
+                let lost = grouped(snapshot.lost_updates());
+                let problem = "the trainer hung or crashed";
+                Err(miette::miette!(
+                    help = logging::hint(),
+                    "{problem}: {lost} updates since the last save are lost"
+                ))
+            }
+            Some(trainer)
+                if is_wanted
+                    && (has_unsaved_map || saved_at != Some(trainer.counters().updates)) =>
+            {
+                save_last(trainer, notes, &to, &mut snapshot)
+            }
+            _ => Ok(()),
+        };
+        // Autosaves go if what the user has saved is newer.
+        let has_own = is_wanted || snapshot.saved.is_some() && !is_worth_saving;
+        if saved.is_ok() && !failed && has_own {
+            let autosaves = std::mem::take(&mut snapshot.autosaves);
+            autosaves.iter().for_each(|(_, path)| train::remove_own(path));
+        }
+        let files = about_files(&snapshot, tells_lost);
+        let newest = newest_file(&snapshot);
         screen.snapshot = Arc::new(snapshot);
         let mut summary = screen.summary(cx.scene.title(&screen.snapshot)) + &files;
         if let Some(file) = newest {
@@ -407,87 +346,41 @@ impl Session {
     }
 }
 
-/// What is known and said of a run when the interface is closed.
-struct Ending {
-    /// The lines of the text left on the terminal that are about files.
-    files: String,
-    /// Whether the run is to be saved.
-    is_wanted: bool,
-    is_worth_saving: bool,
-    /// Whether the run could have been saved at all.
-    is_kept: bool,
-    has_unsaved_map: bool,
-    /// Whether to say how much is in no file.
-    tells_lost: bool,
+/// Saves the run when the interface is closed; if that fails, to another file.
+fn save_last(
+    mut trainer: Trainer,
+    notes: Notes,
+    to: &SaveTo,
+    snapshot: &mut Snapshot,
+) -> Result<(), Report> {
+    let _ = trainer.ensure_finite();
+    trainer.set_notes(notes);
+    let (path, saved) = match train::save(&trainer, to) {
+        Ok(path) => (Some(path), Ok(())),
+        Err(error) => (save_elsewhere(&trainer, to.path()), Err(from_checkpoint_error(error))),
+    };
+    let saved_to = path.map(|path| (trainer.counters().updates, Arc::new(path)));
+    snapshot.saved = saved_to.or(snapshot.saved.take());
+    saved
 }
 
-impl Ending {
-    /// Saves the run if it is wanted and not yet saved. Returns the file written.
-    fn save(
-        &mut self,
-        trainer: Option<Trainer>,
-        notes: Notes,
-        to: &SaveTo,
-        snapshot: &mut Snapshot,
-    ) -> (Option<PathBuf>, Result<(), Report>) {
-        let saved_at = snapshot.saved.as_ref().map(|(updates, _)| *updates);
-        match trainer {
-            Some(mut trainer) if self.is_wanted => {
-                let updates = trainer.counters().updates;
-                let up_to_date = !self.has_unsaved_map && saved_at == Some(updates);
-                let _ = trainer.ensure_finite();
-                trainer.set_notes(notes);
-                if !up_to_date {
-                    // If that fails, another file is tried.
-                    let (path, saved) = match train::save(&trainer, to) {
-                        Ok(path) => (Some(path), Ok(())),
-                        Err(error) => {
-                            let error = from_checkpoint_error(error);
-                            (save_elsewhere(&trainer, to.path()), Err(error))
-                        }
-                    };
-                    let saved_to = path.clone().map(|path| (updates, Arc::new(path)));
-                    snapshot.saved = saved_to.or(snapshot.saved.take());
-                    return (path, saved);
-                }
-            }
-            None if self.is_wanted || self.is_worth_saving => {
-                let lost = grouped(snapshot.lost_updates());
-                let problem = format!(
-                    "the trainer hung or crashed: {lost} updates since the last save are lost"
-                );
-                return (None, Err(miette::miette!(help = logging::hint(), "{problem}")));
-            }
-            Some(_) => {
-                self.tells_lost = self.is_kept && (self.is_worth_saving || saved_at.is_some());
-            }
-            None => {}
-        }
-        (None, Ok(()))
+/// Says which files there are, a line each, and how much is in none of them.
+pub fn about_files(snapshot: &Snapshot, tells_lost: bool) -> String {
+    let mut text = String::new();
+    let at = |updates| grouped(snapshot.learned(updates));
+    if let Some((updates, path)) = &snapshot.saved {
+        let last = if snapshot.unsaved_updates() > 0 { "last " } else { "" };
+        text += &format!("\n{last}saved {} at update {}", path.display(), at(*updates));
     }
-
-    /// Says which files there are, and how much is in none of them. Autosaves go if what the user
-    /// has saved, if all went `well`, is newer.
-    fn tell_files(&mut self, well: bool, snapshot: &mut Snapshot) {
-        let has_own = snapshot.saved.is_some() && !self.is_worth_saving;
-        if well && (self.is_wanted || has_own) {
-            let autosaves = std::mem::take(&mut snapshot.autosaves);
-            autosaves.iter().for_each(|(_, path)| train::remove_own(path));
-        }
-        let at = |updates| grouped(snapshot.learned(updates));
-        if let Some((updates, path)) = &snapshot.saved {
-            let last = if snapshot.unsaved_updates() > 0 { "last " } else { "" };
-            self.files += &format!("\n{last}saved {} at update {}", path.display(), at(*updates));
-        }
-        for (updates, path) in snapshot.autosaves.iter() {
-            self.files += &format!("\nautosaved {} at update {}", path.display(), at(*updates));
-        }
-        let lost = snapshot.lost_updates();
-        if self.tells_lost && lost > 0 {
-            let last = if lost < snapshot.updates() { "the last " } else { "" };
-            self.files += &format!("\nnot saved: {last}{} updates", grouped(lost));
-        }
+    for (updates, path) in snapshot.autosaves.iter() {
+        text += &format!("\nautosaved {} at update {}", path.display(), at(*updates));
     }
+    let lost = snapshot.lost_updates();
+    if tells_lost && lost > 0 {
+        let last = if lost < snapshot.updates() { "the last " } else { "" };
+        text += &format!("\nnot saved: {last}{} updates", grouped(lost));
+    }
+    text
 }
 
 fn newest_file(snapshot: &Snapshot) -> Option<PathBuf> {

@@ -1,11 +1,8 @@
 //! The guided tour: a minute and a half on the four rooms, with captions beside what they explain.
 //!
-//! `steps` is the table of steps. This file moves through it: a step ends a while after what it
+//! `STEPS` is the table of steps: a step ends a while after what it
 //! explains has been seen, or at its time limit. Whatever the tour does, it does by the same
 //! commands as the user.
-
-mod bridges;
-mod steps;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,33 +11,21 @@ use super::{Cx, view};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::raster::Viewport;
-use crate::tui::scene::maze::{self, maze_on};
+use crate::tui::scene::MazeState;
+use crate::tui::scene::maze;
 use crate::tui::screen::{Caption, Screen, ShownStep};
-use bridges::BridgeHunt;
-use gdg::engine::Command;
-use gdg::map::{Cell, Grid, builtin};
+use crate::tui::theme::ColourDepth;
+use gdg::bridge::{BridgePoint, SearchOutcome};
+use gdg::engine::Networks;
+use gdg::learn::Scratch;
+use gdg::map::{Cell, Grid};
 use gdg::train::{Method, Preset, Run};
 use gdg::viewer::{Field, OnArrival};
-pub use steps::MAP;
-#[cfg(test)]
-pub use steps::STEPS as ALL_STEPS;
-use steps::{START, STEPS, Step};
 
-/// Seconds between two looks at what has become of the step's subject, and between two walks.
+/// Seconds between two looks at what has become of the step's subject.
 const LOOK_INTERVAL_SECS: f32 = 0.1;
-const REST_SECS: f32 = 2.0;
 
-/// A place whose D to the goal is watched.
-#[derive(Clone, Copy, Default)]
-struct Watched {
-    place: [f32; 2],
-    /// D before the door was closed.
-    before: f32,
-    /// The most that it was since.
-    most: f32,
-}
-
-/// The state of a tour.
+#[derive(Default)]
 pub struct Tour {
     step: usize,
     /// Seconds since the step began, not counting pauses; and at the latest look.
@@ -48,28 +33,21 @@ pub struct Tour {
     looked_at: f32,
     /// When the step's subject was seen.
     seen_at: Option<f32>,
-    /// Looks for a bridge, until one is explained.
-    hunt: BridgeHunt,
-    /// Whether the bridge that has been found is drawn.
-    shows_bridge: bool,
-    /// Whether the step begins again, as what it waited for has been found.
-    enters_again: bool,
-    /// Where the agent walks from, and whether it stays where it arrives.
-    start: Cell,
-    stays: bool,
+    /// The bridge that is explained, once one has been found, and how often one has been looked for.
+    bridge: Option<Bridge>,
+    searches: usize,
+    /// Where the agent walks from.
+    start: Option<Cell>,
     /// The way to the far room, as planned before a door was closed.
     route: Vec<[f32; 2]>,
-    /// The cells of the closed door.
+    /// The cells of the closed door; a place before it, its D to the goal before the door was closed,
+    /// and the most that it was since.
     closed: Vec<Cell>,
-    /// What is watched while the door is closed.
-    watched: Watched,
-    /// When the agent was seen to have arrived, until it is sent off again.
-    arrived_at: Option<f32>,
+    watched: ([f32; 2], f32, f32),
     /// Whether the tour shows searches, which the user did not.
     shows_search: bool,
     /// What the walking agent did on arrival before the tour.
     on_arrival: OnArrival,
-    ticked: Instant,
 }
 
 impl Tour {
@@ -79,16 +57,6 @@ impl Tour {
 
     fn is_last(&self) -> bool {
         self.step + 1 == STEPS.len()
-    }
-
-    fn shown(&self, caption: Caption) -> ShownStep {
-        let title = format!("{}/{} {}", self.step + 1, STEPS.len(), self.current().title);
-        ShownStep { step: self.step, title, is_last: self.is_last(), caption }
-    }
-
-    fn is_over(&self) -> bool {
-        let read = self.seen_at.is_some_and(|at| self.elapsed >= at + self.current().reading_secs);
-        read || self.elapsed >= self.current().limit_secs
     }
 }
 
@@ -102,18 +70,11 @@ pub fn run() -> Run {
 #[derive(Default)]
 pub struct Guide {
     tour: Option<Tour>,
-    /// Whether the tour begins with the next run.
-    pub is_requested: bool,
+    /// When time last passed.
+    ticked: Option<Instant>,
 }
 
 impl Guide {
-    pub fn request(&mut self, cx: &mut Cx) {
-        if let Some(map) = builtin(MAP) {
-            let start = Command::StartRun(Box::new(run()), maze_on(Arc::new(map)));
-            self.is_requested = cx.command(start);
-        }
-    }
-
     pub fn begin(&mut self, cx: &mut Cx) {
         if let Some(maze) = cx.scene.maze_mut() {
             maze.editor.close();
@@ -124,25 +85,9 @@ impl Guide {
             show_overlay(overlay, true, cx);
         }
         view::show_field(cx, Field::Learned);
-        let tour = self.tour.insert(Tour {
-            step: 0,
-            elapsed: 0.0,
-            looked_at: 0.0,
-            seen_at: None,
-            hunt: BridgeHunt::default(),
-            shows_bridge: false,
-            enters_again: false,
-            start: START,
-            stays: false,
-            route: Vec::new(),
-            closed: Vec::new(),
-            watched: Watched::default(),
-            arrived_at: None,
-            shows_search: false,
-            on_arrival: cx.screen.on_arrival,
-            ticked: Instant::now(),
-        });
-        view::set_on_arrival(cx, OnArrival::Wait);
+        let on_arrival = cx.screen.on_arrival;
+        let tour = self.tour.insert(Tour { start: Some(START), on_arrival, ..Tour::default() });
+        view::set_on_arrival(cx, OnArrival::Again);
         tour.enter(cx);
     }
 
@@ -167,7 +112,7 @@ impl Guide {
             view::set_on_arrival(cx, tour.on_arrival);
             self.forget(&mut cx.screen);
             // The line about what there is to see would repeat it.
-            cx.screen.on_first_use();
+            cx.screen.explains = false;
         }
     }
 
@@ -177,30 +122,28 @@ impl Guide {
 
     /// Handles the passing of time; returns whether the screen changes.
     pub fn on_tick(&mut self, cx: &mut Cx) -> bool {
-        let Some(tour) = &mut self.tour else { return false };
         let now = Instant::now();
-        let passed = now - std::mem::replace(&mut tour.ticked, now);
-        self.advance(passed, cx)
+        let before = self.ticked.replace(now);
+        self.advance(before.map_or(Duration::ZERO, |before| now - before), cx)
     }
 
-    /// Moves the tour on by some time, unless it is paused; returns whether the screen changes.
+    /// Moves the tour on by some time, unless it is paused: while training is, and while something
+    /// hides the map. Returns whether the screen changes.
     pub fn advance(&mut self, passed: Duration, cx: &mut Cx) -> bool {
-        let Some(tour) = self.tour.as_mut().filter(|_| !is_waiting(&cx.screen)) else {
-            return false;
-        };
+        let screen = &cx.screen;
+        let trains = screen.snapshot.phase.is_training() && !screen.pausing;
+        let is_hidden = screen.frozen || screen.maximised || !screen.dialogs.is_empty();
+        let Some(tour) = self.tour.as_mut().filter(|_| trains && !is_hidden) else { return false };
         tour.elapsed += passed.as_secs_f32();
         if tour.elapsed - tour.looked_at < LOOK_INTERVAL_SECS {
             return false;
         }
         tour.looked_at = tour.elapsed;
-        let over = tour.is_over();
-        tour.walk_again(cx);
-        if over {
+        let Step { reading_secs, limit_secs, .. } = tour.current();
+        let is_read = tour.seen_at.is_some_and(|at| tour.elapsed >= at + reading_secs);
+        let is_over = is_read || tour.elapsed >= *limit_secs;
+        if is_over {
             self.next_step(cx);
-            return true;
-        }
-        if std::mem::take(&mut tour.enters_again) {
-            tour.enter(cx);
             return true;
         }
         tour.look(cx)
@@ -211,44 +154,26 @@ impl Guide {
 impl Tour {
     fn enter(&mut self, cx: &mut Cx) {
         (self.elapsed, self.looked_at) = (0.0, 0.0);
-        (self.arrived_at, self.seen_at) = (None, None);
-        self.stays = false;
+        self.seen_at = None;
         (self.current().enter)(self, cx);
         self.look(cx);
     }
 
     /// Looks what has become of the step's subject; returns whether the caption changes.
     fn look(&mut self, cx: &mut Cx) -> bool {
-        let Cx { screen, scene, .. } = cx;
-        let Some(maze) = scene.maze() else { return false };
-        let caption = (self.current().look)(maze, screen, self);
+        let Some(caption) = (self.current().look)(self, cx) else { return false };
         if caption.seen {
             self.seen_at.get_or_insert(self.elapsed);
         }
-        let before = screen.tour.take();
-        let changed = before.is_none_or(|before| before.caption != caption);
-        screen.tour = Some(self.shown(caption));
-        let shown = self.hunt.best.as_ref().filter(|_| self.shows_bridge);
-        screen.explained = shown.map(|bridge| bridge.search.clone());
-        changed
+        let title = format!("{}/{} {}", self.step + 1, STEPS.len(), self.current().title);
+        let shown = ShownStep { step: self.step, title, is_last: self.is_last(), caption };
+        let before = cx.screen.tour.replace(shown);
+        before.map(|before| before.caption)
+            != cx.screen.tour.as_ref().map(|now| now.caption.clone())
     }
 
     fn send_walker(&mut self, cx: &mut Cx) {
-        maze::place_walker(Some(self.start), &mut cx.screen, &cx.link);
-        self.arrived_at = None;
-    }
-
-    /// Sends the agent off again a while after it has arrived.
-    fn walk_again(&mut self, cx: &mut Cx) {
-        let walk = cx.scene.maze().map(|maze| maze.view.walk);
-        if !walk.is_some_and(|walk| walk.arrived || walk.gave_up) {
-            self.arrived_at = None;
-            return;
-        }
-        let arrived_at = *self.arrived_at.get_or_insert(self.elapsed);
-        if !self.stays && self.elapsed - arrived_at > REST_SECS {
-            self.send_walker(cx);
-        }
+        maze::place_walker(self.start, &mut cx.screen, &cx.link);
     }
 
     fn aim_at(&mut self, goal: Cell, cx: &mut Cx) {
@@ -258,7 +183,7 @@ impl Tour {
 
     fn hide_bridge(&mut self, cx: &mut Cx) {
         cx.screen.explained = None;
-        if std::mem::take(&mut self.shows_bridge) && cx.screen.field.depends_on_start() {
+        if cx.screen.field == Field::OverEach {
             view::show_field(cx, Field::Learned);
         }
         if std::mem::take(&mut self.shows_search) {
@@ -300,8 +225,374 @@ fn edit_cells(cells: &[Cell], free: bool, cx: &mut Cx) -> bool {
     })
 }
 
-/// Whether the tour is paused: while training is, and while something hides the map.
-fn is_waiting(screen: &Screen) -> bool {
-    let training = screen.snapshot.phase.is_training() && !screen.pausing;
-    !training || screen.frozen || screen.maximised || !screen.dialogs.is_empty()
+/// The map of the tour, and where its agent starts.
+pub const MAP: &str = "fourrooms";
+pub const START: Cell = Cell::new(3, 3);
+
+/// A goal beside a wall, a place behind the wall, and one as far away in the goal's own room.
+const GOAL_AT_WALL: Cell = Cell::new(52, 37);
+const BEHIND_WALL: Cell = Cell::new(36, 37);
+const SAME_ROOM: Cell = Cell::new(68, 37);
+
+/// How much longer than in the same room D must be to have learned of the wall; and the least
+/// there, relative to the truth.
+const BENT: f32 = 1.4;
+const PLAUSIBLE: f32 = 0.7;
+
+/// A goal in the far room, and the doors to it: corners, and a place before the door.
+const FAR_GOAL: Cell = Cell::new(80, 62);
+const DOORS: [([Cell; 2], Cell); 2] = [
+    ([Cell::new(64, 48), Cell::new(71, 55)], Cell::new(68, 44)),
+    ([Cell::new(40, 72), Cell::new(47, 79)], Cell::new(36, 76)),
+];
+
+/// How many times as far it must be round a closed door, and how near to the old D when it is open
+/// again.
+const LONGER: f32 = 2.5;
+const BACK: f32 = 1.3;
+
+/// Cells between points of a line that captions do not cover.
+const SPACING: f32 = 2.0;
+
+/// Candidates among which one look searches for a bridge, and how far apart the samples of two looks
+/// are.
+const SAMPLE: usize = 64;
+const NEXT_SAMPLE: usize = 41;
+
+/// What a bridge must be to be clear to see: the least D(s,g) in steps, the least that it saves of
+/// that in steps and as a share, and the least share of either part of the way, so that the bridge
+/// is between start and goal.
+const LEAST_DIRECT_STEPS: f32 = 30.0;
+const LEAST_GAIN_STEPS: f32 = 6.0;
+const LEAST_GAIN: f32 = 0.15;
+const LEAST_PART: f32 = 0.2;
+
+pub struct Step {
+    pub title: &'static str,
+    /// Seconds to read it after its subject has been seen, and until it ends anyway.
+    pub reading_secs: f32,
+    pub limit_secs: f32,
+    /// What it does at first.
+    pub enter: fn(&mut Tour, &mut Cx),
+    /// What it says now.
+    pub look: fn(&mut Tour, &mut Cx) -> Option<Caption>,
+}
+
+const fn step(
+    title: &'static str,
+    [reading_secs, limit_secs]: [f32; 2],
+    enter: fn(&mut Tour, &mut Cx),
+    look: fn(&mut Tour, &mut Cx) -> Option<Caption>,
+) -> Step {
+    Step { title, reading_secs, limit_secs, enter, look }
+}
+
+pub const STEPS: &[Step] = &[
+    step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
+    step("D bends", [7.0, 25.0], |_, _| {}, bending),
+    step("A bridge", [12.0, 30.0], |_, _| {}, bridge),
+    step("Over the bridge", [4.0, 14.0], walk_over, over_bridge),
+    step("A plan", [1.5, 16.0], aim_far, plan),
+    step("A door closes", [5.0, 24.0], close_door, closed),
+    step("It opens again", [4.0, 12.0], open_door, opened),
+    step("Now you", [12.0, 12.0], |_, _| {}, now_you),
+];
+
+fn distance_to_goal(maze: &MazeState, screen: &Screen, from: [f32; 2]) -> f32 {
+    let policy = &screen.snapshot.networks.policy;
+    policy.distance(&from, &maze.goal.centre(), &mut Scratch::default())
+}
+
+/// Returns points along the lines that connect `stops`.
+fn points_along(stops: &[[f32; 2]]) -> Vec<[f32; 2]> {
+    let between = |ends: &[[f32; 2]]| {
+        let [from, to] = [ends[0], ends[1]];
+        let n = (straight(from, to) / SPACING).ceil().max(1.0) as usize;
+        let share = move |i: usize| i as f32 / n as f32;
+        (0..=n).map(move |i| [0, 1].map(|axis| from[axis] + share(i) * (to[axis] - from[axis])))
+    };
+    stops.windows(2).flat_map(between).collect()
+}
+
+/// Returns the steps between two positions without walls: at most one cell per step along each
+/// axis.
+fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
+    (from[0] - to[0]).abs().max((from[1] - to[1]).abs())
+}
+
+fn wandering(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    let text = if screen.theme.depth == ColourDepth::Mono {
+        "The o are agents that wander about. Nobody rewards them. Shades show what they learn: D, the number of steps to G. \
+         The denser, the farther."
+    } else {
+        "The white dots are agents that wander about. Nobody rewards them. Colours show what they learn: D, the number of \
+         steps to G. Light is near, dark is far."
+    };
+    let subject = vec![scene.maze()?.goal.centre()];
+    Some(Caption { text: text.to_owned(), subject, marks: Vec::new(), seen: true })
+}
+
+fn bending(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    let maze = scene.maze()?;
+    let (behind, goal) = (BEHIND_WALL.centre(), maze.goal.centre());
+    let (straight, learned) = (straight(behind, goal), distance_to_goal(maze, screen, behind));
+    let open = distance_to_goal(maze, screen, SAME_ROOM.centre());
+    let seen = open >= PLAUSIBLE * straight && learned >= BENT * open.max(straight);
+    let then =
+        if seen { "D has learned to go round the wall." } else { "Watch it learn about the wall." };
+    let text = format!(
+        "From P, G would be {straight:.0} steps away, were there no wall. Learned so far: D = {learned:.0}. {then} Lines \
+         connect places with the same D."
+    );
+    let subject = [vec![behind, goal], points_along(&[behind, goal])].concat();
+    Some(Caption { text, subject, marks: vec![(behind, 'P')], seen })
+}
+
+/// A place B with D(S,B) + D(B,G) far below D(S,G).
+#[derive(Clone, Copy)]
+pub struct Bridge {
+    /// S, B and G: centres of cells, where goal and agent are put.
+    stops: [[f32; 2]; 3],
+    /// D(S,B), D(B,G) and D(S,G).
+    distances: [f32; 3],
+}
+
+impl Bridge {
+    fn gain(&self) -> f32 {
+        let [first, second, direct] = self.distances;
+        direct - first - second
+    }
+
+    /// Whether the bridge is clear to see.
+    fn is_clear(&self) -> bool {
+        let [first, second, direct] = self.distances;
+        direct >= LEAST_DIRECT_STEPS
+            && self.gain() >= LEAST_GAIN_STEPS.max(LEAST_GAIN * direct)
+            && first.min(second) >= LEAST_PART * direct
+    }
+}
+
+/// Returns the bridge that saves most among a sample of the candidates, by the learned D alone.
+pub fn clearest(networks: &Networks, sample: usize) -> Option<Bridge> {
+    let (places, _) = networks.candidates.points().as_chunks::<2>();
+    let n = places.len().min(SAMPLE);
+    let place = |i: usize| places[(sample * NEXT_SAMPLE + i * places.len() / n) % places.len()];
+    let sample: Vec<[f32; 2]> = (0..n).map(|i| place(i).map(|v| v.floor() + 0.5)).collect();
+    let mut distances = vec![0.0; n * n];
+    let from: Vec<f32> = sample.iter().flat_map(|at| at.repeat(n)).collect();
+    let to = sample.as_flattened().repeat(n);
+    networks.policy.distances(&from, &to, &mut distances, &mut Scratch::default());
+    let d = |from: usize, to: usize| distances[from * n + to].round();
+    let triples = (0..n * n * n).map(|i| [i / n / n, i / n % n, i % n]);
+    let bridges = triples.map(|triple| {
+        let [start, bridge, goal] = triple;
+        let distances = [d(start, bridge), d(bridge, goal), d(start, goal)];
+        Bridge { stops: triple.map(|i| sample[i]), distances }
+    });
+    bridges.filter(Bridge::is_clear).max_by(|a, b| a.gain().total_cmp(&b.gain()))
+}
+
+/// Looks for a bridge, and puts start and goal at its ends.
+fn find_bridge(tour: &mut Tour, cx: &mut Cx) {
+    // A search takes a moment, so there is one a second.
+    if (tour.searches as f32) > tour.elapsed {
+        return;
+    }
+    tour.searches += 1;
+    let Some(found) = clearest(&cx.screen.snapshot.networks, tour.searches) else { return };
+    let [start, point, goal] = found.stops;
+    let bridge = BridgePoint { point: point.to_vec(), gain: found.gain() };
+    cx.screen.explained = Some(Arc::new(SearchOutcome {
+        state: start.to_vec(),
+        goal: goal.to_vec(),
+        found: Some(bridge),
+        ..SearchOutcome::default()
+    }));
+    let cell = |at: [f32; 2]| Cell::new(at[0] as usize, at[1] as usize);
+    (tour.start, tour.bridge) = (Some(cell(start)), Some(found));
+    tour.aim_at(cell(goal), cx);
+    view::show_field(cx, Field::OverEach);
+    tour.shows_search |= show_overlay(Overlay::Search, true, cx);
+}
+
+/// Returns the caption of a step about a bridge, as long as none has been found.
+fn no_bridge(cx: &Cx) -> Option<Caption> {
+    let text =
+        "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G).";
+    let subject = vec![cx.scene.maze()?.goal.centre()];
+    Some(Caption { text: text.to_owned(), subject, ..Caption::default() })
+}
+
+fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
+    if tour.bridge.is_none() {
+        find_bridge(tour, cx);
+    }
+    let Some(Bridge { stops: [start, bridge, goal], distances: [first, second, direct] }) =
+        tour.bridge
+    else {
+        return no_bridge(cx);
+    };
+    let text = format!(
+        "D(S,G) = {direct:.0} steps, but over B, along the line, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = \
+         {:.0}. D is better at short ways than at long ones: the bridge B makes one hard task two easier ones. The map shows \
+         D(S,.) + D(.,G), least at good bridges.",
+        first + second
+    );
+    // Wherever the three are, there is room for the box beside them; a whole line may leave none.
+    Some(Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true })
+}
+
+fn walk_over(tour: &mut Tour, cx: &mut Cx) {
+    if tour.bridge.is_some() {
+        view::show_field(cx, Field::Learned);
+        tour.send_walker(cx);
+        view::set_on_arrival(cx, OnArrival::Stay);
+    }
+}
+
+fn over_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
+    let Some(Bridge { stops, distances: [first, second, direct] }) = tour.bridge else {
+        return no_bridge(cx).map(|caption| Caption { seen: true, ..caption });
+    };
+    let walk = &cx.scene.maze()?.view.walk;
+    // An earlier walk has ended when the step begins.
+    let seen = walk.arrived && tour.elapsed > 1.0;
+    let state = if seen {
+        format!("It has arrived after {} steps.", walk.steps)
+    } else {
+        format!("{} steps so far.", walk.steps)
+    };
+    let text = format!(
+        "Now @ walks from S to G, from bridge to bridge. {state} D(S,G) was {direct:.0}, over B {:.0}: this early, D is \
+         still too long.",
+        first + second
+    );
+    let subject = [vec![stops[2]], points_along(&stops)].concat();
+    Some(Caption { text, subject, marks: Vec::new(), seen })
+}
+
+fn aim_far(tour: &mut Tour, cx: &mut Cx) {
+    tour.hide_bridge(cx);
+    view::set_on_arrival(cx, OnArrival::Again);
+    tour.start = Some(START);
+    tour.aim_at(FAR_GOAL, cx);
+}
+
+fn plan(tour: &mut Tour, Cx { scene, .. }: &mut Cx) -> Option<Caption> {
+    let maze = scene.maze()?;
+    let path = points_along(&maze.view.way);
+    if path.len() > tour.route.len() {
+        tour.route.clone_from(&path);
+    }
+    let text =
+        "G is now in the far room. The line to it is the plan: from bridge to bridge, each near \
+                enough to be reached reliably. @ walks it."
+            .to_owned();
+    let seen = maze.view.walk.arrived && tour.elapsed > 1.0;
+    let subject = [vec![maze.goal.centre()], path].concat();
+    Some(Caption { text, subject, marks: Vec::new(), seen })
+}
+
+fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
+    (from.y..=to.y).flat_map(|y| (from.x..=to.x).map(move |x| Cell::new(x, y))).collect()
+}
+
+fn close_door(tour: &mut Tour, cx: &mut Cx) {
+    let leads_through = |cells: &[Cell]| {
+        tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5))
+    };
+    let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
+    let (corners, before) = through.unwrap_or(&DOORS[0]);
+    let Some(maze) = cx.scene.maze() else { return };
+    let distance = distance_to_goal(maze, &cx.screen, before.centre());
+    tour.watched = (before.centre(), distance, distance);
+    let door = cells_between(*corners);
+    if edit_cells(&door, false, cx) {
+        tour.closed = door;
+    }
+    tour.send_walker(cx);
+}
+
+/// Returns the door that was closed, the place before it, and the path of the agent.
+fn around_door(maze: &MazeState, tour: &Tour) -> Vec<[f32; 2]> {
+    let (place, ..) = tour.watched;
+    let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
+    let door = cells_between(door).into_iter().map(Cell::centre);
+    [vec![place], door.collect(), points_along(&maze.view.way)].concat()
+}
+
+fn closed(tour: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    let maze = scene.maze()?;
+    let (place, before, most) = tour.watched;
+    let now = distance_to_goal(maze, screen, place);
+    tour.watched.2 = most.max(now);
+    let followed = if now.round() > before.round() {
+        format!("D follows: from P it was {before:.0}, now {now:.0}.")
+    } else {
+        format!("D will follow: from P it is still {now:.0}.")
+    };
+    let text = format!(
+        "A wall now closes this door: you can draw one with {}. The plan changes at once. {followed}",
+        screen.keymap.key_of(Action::ToggleEdit)
+    );
+    let subject = around_door(maze, tour);
+    Some(Caption { text, subject, marks: vec![(place, 'P')], seen: now >= LONGER * before })
+}
+
+fn open_door(tour: &mut Tour, cx: &mut Cx) {
+    tour.open_door(cx);
+    tour.send_walker(cx);
+}
+
+fn opened(tour: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    let maze = scene.maze()?;
+    let (place, before, most) = tour.watched;
+    let now = distance_to_goal(maze, screen, place);
+    let followed = if most.round() <= before.round() {
+        format!("D had no time to follow: from P it is {now:.0}.")
+    } else if now <= BACK * before {
+        format!("D has fallen again: from P it is {now:.0}.")
+    } else {
+        format!("D will fall: from P it is still {now:.0}.")
+    };
+    let text = format!("The door is open again. The plan may use it at once. {followed}");
+    let subject = around_door(maze, tour);
+    Some(Caption { text, subject, marks: vec![(place, 'P')], seen: now <= BACK * before })
+}
+
+fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    let maze = scene.maze()?;
+    let key = |action| screen.keymap.key_of(action);
+    let text = format!(
+        "Click anywhere: @ walks there. Press {} to draw walls, {} for help. Training goes on.",
+        key(Action::ToggleEdit),
+        key(Action::Help)
+    );
+    let walker = maze.view.trail.last().copied().unwrap_or(maze.view.walk.start);
+    let subject = vec![maze.goal.centre(), walker];
+    Some(Caption { text, subject, marks: Vec::new(), seen: true })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gdg::engine::Snapshot;
+    use gdg::env::PointMaze;
+    use gdg::map::builtin;
+    use gdg::train::{Registry, Trainer};
+
+    /// The tour has shown a bridge by then, at the speed of two cores.
+    const UPDATES: u64 = 2_500;
+
+    #[test]
+    fn the_tours_own_run_has_clear_bridges_early_in_training() {
+        let world = PointMaze::new(Arc::new(builtin(MAP).expect("a map")), 0);
+        let mut trainer = Trainer::new(run(), &world, &Registry::builtin(), 2).expect("a run");
+        while trainer.counters().updates < UPDATES {
+            trainer.tick().expect("a tick");
+        }
+        let networks = Snapshot::capture(&trainer).expect("a snapshot").networks.clone();
+        let found = (0..10).filter_map(|sample| clearest(&networks, sample)).count();
+        assert!(found > 1, "in {found} of 10 samples");
+    }
 }

@@ -2,12 +2,11 @@
 
 use super::Cx;
 use crate::tui::action::Action;
-use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::layers::Overlays;
 use crate::tui::marker::Marker;
 use crate::tui::panes::Pane;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
-use gdg::bridge::EdgeStatus;
 use gdg::engine::Command;
 use gdg::viewer::{Field, OnArrival, Request};
 
@@ -40,12 +39,7 @@ pub fn toggle_overlay(cx: &mut Cx, action: Action) {
     }
     let shown = screen.overlays.toggle(overlay);
     cx.scene.act(action, screen, &mut cx.link);
-    let tried = |status| cx.scene.graph().count(status) > 0;
-    let none = overlay == Overlay::Edges
-        && shown
-        && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);
-    let more = if none { ", but agents have not tried any yet" } else { "" };
-    screen.say(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
+    screen.say(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
 }
 
 pub fn change_marker(cx: &mut Cx) {
@@ -54,20 +48,8 @@ pub fn change_marker(cx: &mut Cx) {
     let at = all.iter().position(|m| *m == screen.marker).unwrap_or(0);
     screen.marker = all[(at + 1) % all.len()];
     let none = screen.marker == Marker::Pixels && screen.picture_character().is_none();
-    let more = match screen.theme.depth {
-        ColourDepth::Mono => {
-            ", once there are colours: without them, the map is drawn in characters"
-        }
-        _ if none => " (not supported here: as auto)",
-        _ => "",
-    };
+    let more = if none { " (not supported here: as auto)" } else { "" };
     screen.say(&format!("marker: {}{more}", screen.marker.name()));
-}
-
-pub fn change_curve_scale(cx: &mut Cx) {
-    cx.screen.log_scale = !cx.screen.log_scale;
-    let scale = if cx.screen.log_scale { "logarithmic scales" } else { "linear scales" };
-    cx.screen.say(&format!("curves of losses and distances on {scale}"));
 }
 
 pub fn set_theme(screen: &mut Screen, name: ThemeName) {
@@ -112,20 +94,17 @@ pub fn show_next(cx: &mut Cx) {
     }
 }
 
-/// Leaves what is on top: the past, something enlarged, an offer or a followed agent.
+/// Leaves what is on top: the past, something enlarged or a followed agent.
 pub fn close_top(cx: &mut Cx) {
     if cx.return_to_present()
         || cx.scene.close(&cx.link)
         || std::mem::take(&mut cx.screen.maximised)
-        || cx.screen.offer.take().is_some()
     {
         return;
     }
     if cx.screen.following.is_some() {
         follow(cx, None);
-    } else if cx.screen.first_run && cx.screen.banner.is_some() {
-        cx.screen.on_first_use();
-    } else {
+    } else if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
         cx.act_in_scene(Action::ZoomOff);
     }
 }

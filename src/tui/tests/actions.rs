@@ -1,14 +1,11 @@
 //! Every action: reachable by keyboard alone, listed in the help, and safe at any time.
 
 use super::*;
-use crate::tui::action::When;
 use crate::tui::dialog::Choice;
 use crate::tui::panes::Pane;
 
 fn is_of_trainer(binding: &Binding) -> bool {
-    [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring]
-        .into_iter()
-        .any(|mode| binding.is_active(mode))
+    [Mode::Watching, Mode::Editing, Mode::Touring].into_iter().any(|mode| binding.is_active(mode))
 }
 
 /// Returns whether an action changes nothing on this screen, or has nothing to act on here.
@@ -22,19 +19,14 @@ fn is_quiet(action: Action) -> bool {
 
 #[test]
 fn every_key_triggers_its_action() {
-    let folder = tempfile::tempdir().expect("a folder");
     let mut idle = Vec::new();
     for binding in bindings().filter(|b| is_of_trainer(b)) {
         for key in binding.keys {
             let mut app = staged::staged_app(80, 24);
             app.set_goal(Cell::new(5, 2));
             match binding.when {
-                When::Editing => press(&mut app, KeyCode::Char('e')),
-                When::Offered => {
-                    let saved = saved_run(folder.path(), &app);
-                    offer(saved, &mut app.screen);
-                }
-                When::Touring => app.begin_tour(),
+                Some(Mode::Editing) => press(&mut app, KeyCode::Char('e')),
+                Some(Mode::Touring) => app.begin_tour(),
                 _ => {}
             }
             app.screen.log.dismiss();
@@ -65,8 +57,7 @@ fn every_action_without_a_key_is_found_by_name() {
         let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("a list") };
         assert_eq!(picker.choice(), Some(&Choice::Act(binding.action)), "{}", binding.name);
         press(&mut app, KeyCode::Enter);
-        let asks = binding.action != Action::Compare;
-        assert_eq!(!app.screen.dialogs.is_empty(), asks, "{} asks something", binding.name);
+        assert!(!app.screen.dialogs.is_empty(), "{} asks something", binding.name);
         app.screen.dialogs.clear();
     }
 }

@@ -2,17 +2,14 @@
 //! worlds.
 
 use super::*;
-use crate::tui::output::ExportKind;
 use crate::tui::scene::Scene as Shown;
 use gdg::env::{FetchReach, Scene};
-use gdg::train;
 use gdg::viewer::space::Plane;
 use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
 
-/// Returns an app that stops after these updates.
-fn arm_app(updates: u64, save: Option<PathBuf>) -> App {
-    let limits = Limits { updates: Some(updates), ..Limits::default() };
-    app_in(&FetchReach::new(0), gdg(), limits, save)
+/// Returns an app that does not train.
+fn arm_app() -> App {
+    app_in(&FetchReach::new(0), gdg(), Some(0), None)
 }
 
 /// Returns an app with a made-up view, drawn once at the given size.
@@ -26,20 +23,16 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
 }
 
 /// Returns the view of the arm in [`staged_app`].
-fn staged_view(app: &Session) -> SpaceView {
+pub(super) fn staged_view(app: &Session) -> SpaceView {
     let goal = app.space().goal.clone();
     let planes: Vec<_> =
         app.screen.layout.projections.iter().map(|projection| projection.plane.clone()).collect();
     let field = |plane: &Plane| {
-        let (columns, rows) = plane.raster.pixels;
-        let [left, top, width, height] = plane.raster.window;
         let value = |i: usize| {
-            let across = left + ((i % columns) as f32 + 0.5) / columns as f32 * width;
-            let down = top + ((i / columns) as f32 + 0.5) / rows as f32 * height;
-            let at = plane.point([across, down], &goal);
+            let at = plane.point(plane.raster.middle_of(i), &goal);
             30.0 * (0..3).map(|i| (at[i] - goal[i]).abs()).fold(0.0, f32::max)
         };
-        (0..columns * rows).map(value).collect::<Vec<f32>>()
+        (0..plane.raster.len()).map(value).collect::<Vec<f32>>()
     };
     let mut arm = FetchReach::new(1);
     arm.put(0, [1.3, 0.66, 0.5]);
@@ -74,7 +67,7 @@ fn staged_view(app: &Session) -> SpaceView {
 
 #[test]
 fn a_click_sets_the_two_coordinates_that_are_shown() {
-    let mut app = arm_app(0, None);
+    let mut app = arm_app();
     draw(&mut app, 200, 60);
     // From the side x and z are shown, from the front y and z, from above x and y.
     for (n, third) in [(0, 1), (1, 0), (2, 2)] {
@@ -95,7 +88,7 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
 
 #[test]
 fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
-    let mut app = arm_app(0, None);
+    let mut app = arm_app();
     app.set_arm_goal([1.3, 0.7, 0.5]);
     draw(&mut app, 80, 24);
     let moved = |app: &App, by: [f32; 3]| {
@@ -118,7 +111,7 @@ fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
 
 #[test]
 fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
-    let mut app = arm_app(0, None);
+    let mut app = arm_app();
     draw(&mut app, 200, 60);
     let free = app.screen.layout.projections[3].clone();
     let middle =
@@ -143,7 +136,7 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
 
 #[test]
 fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
-    let mut app = arm_app(0, None);
+    let mut app = arm_app();
     for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
         for keys in ["", "P", "P", "P", "+++++++", "Z", "m", "m", "m"] {
             type_text(&mut app, keys);
@@ -166,46 +159,6 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
     for kind in ExportKind::ALL {
         assert!(export(kind, &mut app).is_ok(), "{kind:?}");
     }
-}
-
-#[test]
-fn the_arm_reaches_goals_and_goes_on_to_others() {
-    let mut app = arm_app(0, None);
-    draw(&mut app, 80, 24);
-    press(&mut app, KeyCode::Char('t'));
-    // A walk that starts at the goal arrives at once, whatever was learned.
-    press(&mut app, KeyCode::Char('S'));
-    let first = app.space().goal.clone();
-    wait_until(&mut app, |app| app.space().view.reach.finished.0 >= 1 && app.space().goal != first);
-    let view = app.space().view.clone();
-    assert!(view.planes.len() == 1 && view.fields[0].iter().any(|d| d.is_finite()), "D is shown");
-    let pose = view.pose.expect("a pose");
-    assert_eq!(pose.links().last().map(|[_, end]| end), Some(pose.grip));
-}
-
-#[test]
-fn a_checkpoint_of_the_interface_resumes_without_it() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("arm.safetensors");
-    let mut app = arm_app(5, Some(path.clone()));
-    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
-    let goal = app.space().goal.clone();
-    app.act(Action::Save);
-    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
-    let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint");
-    assert_eq!((trainer.counters().updates, trainer.world().kind()), (5, "fetch-reach"));
-    trainer.tick().expect("it trains");
-    // From a map's screen, loading it switches the world.
-    let mut app = app_on(rooms(), gdg());
-    draw(&mut app, 80, 24);
-    app.command(gdg::engine::Command::Load(path));
-    wait_until(&mut app, |app| app.scene.noun() == "arm");
-    assert_eq!(app.space().goal, goal);
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| {
-        app.space().view.pose.is_some_and(|pose| pose.grip[0] > 1.0)
-            && !app.space().view.fields.is_empty()
-    });
 }
 
 #[test]

@@ -12,7 +12,7 @@ use gdg::viewer::View;
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let world = PointMaze::new(Arc::new(rooms()), 0);
-    seeded_trainer(&world, method.parse().expect("a method"), &Registry::builtin(), seed)
+    trainer_in(&world, method.parse().expect("a method"), seed)
 }
 
 impl App {
@@ -83,7 +83,7 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         }
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
-        view.goal.1 = app.link.goal_request();
+        view.goal.1 = app.link.goal_request;
         view.walk.arrived = side == 0;
         let snapshot = app.screen.latest.clone();
         comparison.follow(side, &snapshot, &View::Maze(Arc::new(view)));
@@ -198,11 +198,11 @@ fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     });
 }
 
-fn options(contenders: [Contender; 2]) -> ComparisonOptions {
+fn options([a, b]: [Contender; 2]) -> ComparisonOptions {
     ComparisonOptions {
-        contenders,
+        a,
+        b,
         map: None,
-        reading: gdg::map::Reading::default(),
         seed: None,
         set: vec!["hidden=16".to_owned(), "buffer_size=20000".to_owned()],
         threads: gdg::learn::Threads::Fixed(1),
@@ -210,7 +210,7 @@ fn options(contenders: [Contender; 2]) -> ComparisonOptions {
 }
 
 #[test]
-fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
+fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let save = |trainer: &Trainer, name: &str| {
         let to = SaveTo::CreateNew(folder.path().join(name));
@@ -218,9 +218,16 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     };
     let saved = save(&trainer("gdg-bridge", 7), "own.safetensors");
     let other = save(&trainer("her", 8), "other.safetensors");
-    let method = Contender::Method("her".parse().expect("a method"));
-    let registry = Registry::builtin();
-    let prepared = prepare(&options([saved.clone(), method]), &registry, &Job::default());
+    let in_world = |world: &dyn Environment, name: &str| save(&trainer_in(world, gdg(), 1), name);
+    let hall = Arc::new(Grid::empty("hall", 4, 3));
+    let hall = in_world(&PointMaze::new(hall, 0), "hall.safetensors");
+    let arm = in_world(&FetchReach::new(0), "arm.safetensors");
+    let method = || Contender::Method("her".parse().expect("a method"));
+    // A method begins on its map, with its seed.
+    let registry = &Registry::builtin();
+    let prepare =
+        |options| prepare(&options, &gdg::map::Reading::default(), registry, &Job::default());
+    let prepared = prepare(options([saved.clone(), method()]));
     let [a, b] = prepared.expect("a run beside a method").both;
     assert_eq!([a.is_paused, b.is_paused], [true, false]);
     assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
@@ -229,9 +236,28 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
         PointMaze::downcast_ref(contestant.trainer.world()).expect("a maze").map().clone()
     };
     assert_eq!(map(&a), map(&b));
-
-    let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
-    let contestants = prepare(&both, &registry, &Job::default()).expect("two saved runs").both;
+    let both = |a: &Contender, b: &Contender| {
+        let both = options([a.clone(), b.clone()]);
+        ComparisonOptions { set: Vec::new(), ..both }
+    };
+    let set = |name: &str| vec![format!("{name}=8")];
+    let own = both(&saved, &other);
+    for (options, problem) in [
+        (both(&saved, &hall), "different maps: rooms (20 x 5) and hall (4 x 3)"),
+        (ComparisonOptions { map: Some("trap".into()), ..own.clone() }, "the map is that of"),
+        (ComparisonOptions { seed: Some(1), ..own.clone() }, "have their own seeds"),
+        (ComparisonOptions { set: set("hidden"), ..own.clone() }, "changes no method"),
+        (
+            ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) },
+            "changes no method",
+        ),
+        (options([arm, method()]), "is of a world without a map"),
+        (options([Contender::Checkpoint("none".into()), method()]), "none"),
+    ] {
+        let error = prepare(options).err().expect("it is refused");
+        assert!(error.to_string().contains(problem), "{error}");
+    }
+    let contestants = prepare(own).expect("two saved runs").both;
     let (mut comparison, _engines) = start(contestants, Limits::default());
     let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
@@ -243,39 +269,6 @@ fn saved_runs_begin_paused_and_a_method_beside_one_on_its_map_with_its_seed() {
     wait_until(&mut comparison, |apps| {
         apps.into_iter().all(|app| app.screen.snapshot.updates() > 0 || app.is_training())
     });
-}
-
-#[test]
-fn what_cannot_stand_beside_a_saved_run_is_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let save = |world: &dyn Environment, name: &str| {
-        let trainer = trainer_in(world, gdg(), &Registry::builtin());
-        let to = SaveTo::CreateNew(folder.path().join(name));
-        Contender::Checkpoint(train::save(&trainer, &to).expect("a file"))
-    };
-    let maze = |map: Grid| PointMaze::new(Arc::new(map), 0);
-    let saved = save(&maze(rooms()), "rooms.safetensors");
-    let other = save(&maze(Grid::empty("hall", 4, 3)), "hall.safetensors");
-    let arm = save(&FetchReach::new(0), "arm.safetensors");
-    let method = || Contender::Method(gdg());
-    let both = ComparisonOptions { set: Vec::new(), ..options([saved.clone(), other]) };
-    let set = |name: &str| vec![format!("{name}=8")];
-    for (options, problem) in [
-        (both.clone(), "different maps: rooms (20 x 5) and hall (4 x 3)"),
-        (ComparisonOptions { map: Some("trap".into()), ..both.clone() }, "the map is that of"),
-        (ComparisonOptions { seed: Some(1), ..both.clone() }, "have their own seeds"),
-        (ComparisonOptions { set: set("hidden"), ..both }, "changes no method"),
-        (
-            ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) },
-            "changes no method",
-        ),
-        (options([arm, method()]), "is of a world without a map"),
-        (options([Contender::Checkpoint("none".into()), method()]), "none"),
-    ] {
-        let refused = prepare(&options, &Registry::builtin(), &Job::default());
-        let error = refused.err().expect("it is refused");
-        assert!(error.to_string().contains(problem), "{error}");
-    }
 }
 
 fn maps(comparison: &mut App) -> [Arc<Grid>; 2] {

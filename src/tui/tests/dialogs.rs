@@ -6,21 +6,6 @@ use crate::tui::session::files::{Show, offer_map, pick_map};
 use gdg::job::{Job, Running};
 
 #[test]
-fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
-    let mut app = still();
-    press(&mut app, KeyCode::Char('T'));
-    press(&mut app, KeyCode::Down);
-    assert_eq!(app.screen.theme.name, ThemeName::Light, "shown at once");
-    press(&mut app, KeyCode::Down);
-    press(&mut app, KeyCode::Esc);
-    assert_eq!(app.screen.theme.name, ThemeName::Dark, "as before");
-    press(&mut app, KeyCode::Char('T'));
-    press(&mut app, KeyCode::Down);
-    press(&mut app, KeyCode::Enter);
-    assert_eq!(app.screen.theme.name, ThemeName::Light);
-}
-
-#[test]
 fn errors_are_shown_in_full_and_in_their_own_colour() {
     let mut app = still();
     let end = "the very end of it";
@@ -44,9 +29,7 @@ fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
     unsaved.counters.updates = 223_456_789;
     for question in [
         lists::quit_choices(&unsaved, true, &path),
-        lists::load_choices(&unsaved, path.clone()),
-        lists::tour_choices(&unsaved, true),
-        lists::map_switch_choices(&Arc::new(rooms()), Some(&path), Some(&rooms()), None, true),
+        lists::map_switch(&Arc::new(rooms()), Some(&rooms()), None, Some(&unsaved)),
     ] {
         let details: Vec<String> =
             question.items().map(|item| item.detail.split_whitespace().collect()).collect();
@@ -68,14 +51,6 @@ fn only_texts_that_are_maps_are_offered() {
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
     assert_eq!(names, ["..", "rooms.txt"]);
-    press(&mut app, KeyCode::Esc);
-    app.reading_patience = Duration::ZERO;
-    pick(&mut app);
-    // They may have been read by now.
-    if app.screen.dialogs.is_empty() {
-        assert!(notice(&app).starts_with("reading the maps in "));
-        tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
-    }
 }
 
 /// Lets time pass until something changes after which `is` holds.
@@ -95,7 +70,7 @@ fn the_interface_goes_on_while_a_map_is_read() {
         progress.begin(0, 1);
         progress.set(1, 4);
         let map = receive.recv().expect("a map");
-        Box::new(|cx| offer_map(cx, map, None))
+        Box::new(|cx| offer_map(cx, map))
     };
     app.reading = Some(Running::start("reading", Job::new("reading large.map"), read));
     tick_until(&mut app, |app| app.screen.log.notice().is_some());
@@ -107,19 +82,4 @@ fn the_interface_goes_on_while_a_map_is_read() {
     press(&mut app, KeyCode::Esc);
     send.send(Grid::empty("large", 30, 30)).expect("somebody waits");
     tick_until(&mut app, |app| !app.screen.dialogs.is_empty());
-}
-
-#[test]
-fn an_evaluation_can_be_asked_for_even_while_training_is_paused() {
-    let mut app = app();
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
-    press(&mut app, KeyCode::Char(' '));
-    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
-    let shown = shown_by(&mut app, 80, 24);
-    assert!(shown.contains("next      paused, y: now"), "{shown}");
-    let (before, updates) =
-        (app.screen.snapshot.evaluations.len(), app.screen.snapshot.counters.updates);
-    press(&mut app, KeyCode::Char('y'));
-    wait_until(&mut app, |app| app.screen.snapshot.evaluations.len() > before);
-    assert_eq!(app.screen.snapshot.evaluations.last().map(|(at, _)| *at), Some(updates));
 }

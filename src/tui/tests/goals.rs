@@ -1,126 +1,24 @@
 //! Spaces of goals: worlds that the program knows nothing about.
 
-use std::sync::Arc;
-
-use rand_chacha::ChaCha8Rng;
-
 use super::*;
-use crate::tui::action::Action;
 use crate::tui::panes::Pane;
-use gdg::bridge::EdgeStatus;
-use gdg::env::{EnvError, Environment, PointMaze, Rendering, Spec};
+use gdg::env::{FetchReach, GoalSpace, Rendering, Scene as World};
 use gdg::train::DataSource;
-use gdg::viewer::space::Plane;
-use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
+use gdg::viewer::{SpaceView, View};
 
-/// A maze that does not say that it is one, with a third number in its goals: the sum of the others.
-struct Unknown {
-    maze: PointMaze,
-    spec: Spec,
-    states: Vec<f32>,
-}
-
-impl Unknown {
-    fn new(maze: PointMaze) -> Self {
-        let mut spec = maze.spec().clone();
-        spec.state_centre.push(spec.state_centre.iter().sum());
-        spec.state_half_range.push(spec.state_half_range.iter().sum());
-        (spec.change_scale, spec.achieved) = (vec![1.0; 3], vec![0, 1, 2]);
-        let mut world = Self { maze, spec, states: Vec::new() };
-        world.observe();
-        world
-    }
-
-    fn observe(&mut self) {
-        let sum = |at: &[f32]| [at[0], at[1], at[0] + at[1]];
-        self.states = self.maze.states().chunks_exact(2).flat_map(sum).collect();
-    }
-}
-
-impl Environment for Unknown {
-    fn kind(&self) -> &'static str {
-        "unknown"
-    }
-
-    fn spec(&self) -> &Spec {
-        &self.spec
-    }
-
-    fn states(&self) -> &[f32] {
-        &self.states
-    }
-
-    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.maze.restart(agent, rng);
-        self.observe();
-        Ok(())
-    }
-
-    fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        self.maze.sample_goal(agent, rng, &mut goal[..2]);
-        goal[2] = goal[0] + goal[1];
-    }
-
-    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.maze.step(actions, rng);
-        self.observe();
-        Ok(())
-    }
-
-    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
-        let maze = PointMaze::new(self.maze.map().clone(), agents);
-        Ok(Box::new(Self::new(maze)))
-    }
-}
-
-fn world() -> Unknown {
-    Unknown::new(PointMaze::new(Arc::new(rooms()), 0))
-}
-
-/// Returns an app that does not train, with a made-up view, drawn at the given size.
+/// Returns an app in the space of an arm's goals, with a made-up view, drawn at the given size.
 pub(super) fn staged_app(width: u16, height: u16) -> Still {
-    let mut app = still_in(&world(), Method::default());
-    draw(&mut app, width, height);
-    let place = |x: f32, y: f32| vec![x, y, x + y];
-    let goal = place(13.5, 1.5);
-    let plane = app.screen.layout.projections[0].plane.clone();
-    let view = |plane: Plane| {
-        let value = |i: usize| {
-            let [right, down] = plane.raster.middle_of(i);
-            (right - goal[0]).abs().max((-down - goal[1]).abs())
-        };
-        let candidate = |at: Vec<f32>| Candidate { at, degree: 0.5 };
-        SpaceView {
-            goal: (Some(goal.clone()), 1),
-            fields: Arc::new(vec![(0..plane.raster.len()).map(value).collect()]),
-            planes: Arc::new(vec![plane]),
-            farthest: 14.0,
-            graph: Arc::new(Graph {
-                candidates: [place(3.5, 3.5), place(7.5, 2.5), place(12.5, 1.5)]
-                    .map(candidate)
-                    .to_vec(),
-                edges: vec![([0, 1], EdgeStatus::Confirmed), ([1, 2], EdgeStatus::Untried)],
-            }),
-            reach: Reach {
-                start: place(1.5, 3.5),
-                at: place(4.5, 3.2),
-                path: vec![place(7.5, 2.5), goal.clone()],
-                trail: vec![place(3.5, 3.4), place(4.5, 3.2)],
-                steps: 3,
-                left: 9.1,
-                distances: (11.5, 3.5),
-                waypoint: Some(place(7.5, 2.5)),
-                finished: (3, 4),
-                ..Reach::default()
-            },
-            ..SpaceView::default()
-        }
-    };
+    let arm = FetchReach::new(0);
+    let mut snapshot = Snapshot::clone(&still_in(&arm, Method::default()).screen.snapshot);
+    snapshot.scene = World::Goals(Box::new(GoalSpace::of(&arm, None)));
+    let mut app = still_at(snapshot);
+    app.set_arm_goal([1.42, 0.83, 0.6]);
     // What is known of the space decides which part is shown.
-    app.on_view(View::Space(Arc::new(view(plane))));
-    draw(&mut app, width, height);
-    let plane = app.screen.layout.projections[0].plane.clone();
-    app.on_view(View::Space(Arc::new(view(plane))));
+    for _ in 0..2 {
+        draw(&mut app, width, height);
+        let view = SpaceView { pose: None, ..arm::staged_view(&app) };
+        app.on_view(View::Space(Arc::new(view)));
+    }
     app
 }
 
@@ -180,44 +78,4 @@ fn a_run_that_learns_from_data_says_so_instead_of_agents() {
     app.act(Action::Show(Pane::Walk));
     let shown = shown_by(&mut app, 80, 24);
     assert!(shown.contains("do not act:") && shown.contains("learns from data"), "{shown}");
-}
-
-#[test]
-fn clicks_and_keys_move_the_goal_in_the_components_shown() {
-    let mut app = staged_app(120, 40);
-    draw(&mut app, 120, 40);
-    let shown = app.screen.layout.projections[0].clone();
-    let at = shown.frame.character_of([5.0, -3.0]).expect("in view");
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    let goal = app.space().goal.clone();
-    assert!((goal[0] - 5.0).abs() < 0.2 && (goal[1] - 3.0).abs() < 0.3, "{goal:?}");
-    assert_eq!(goal[2], 15.0, "the third component is not shown");
-    press(&mut app, KeyCode::Up);
-    assert!(app.space().goal[1] > goal[1] && app.space().goal[0] == goal[0], "upwards is more");
-    app.act(Action::Projection);
-    draw(&mut app, 120, 40);
-    press(&mut app, KeyCode::Up);
-    assert!(app.space().goal[2] > goal[2], "the third component is shown now");
-}
-
-#[test]
-fn an_unknown_world_is_trained_and_drawn_at_every_size() {
-    let limits = Limits { updates: Some(3), ..Limits::default() };
-    let mut app = app_in(&world(), Method::default(), limits, None);
-    draw(&mut app, 80, 24);
-    let shows_d = |app: &App| {
-        let view = &app.space().view;
-        !app.space().goal.is_empty() && view.fields.iter().flatten().any(|steps| steps.is_finite())
-    };
-    wait_until(&mut app, shows_d);
-    for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
-        for keys in ["", "P", "Z", "v", "v", "d", "m", "m", "n", "w", "f"] {
-            type_text(&mut app, keys);
-            draw(&mut app, width, height);
-        }
-    }
-    let first = app.space().goal.clone();
-    type_text(&mut app, "n");
-    wait_until(&mut app, |app| app.space().goal != first);
-    assert!(app.space().view.reach.start.len() == 3);
 }

@@ -1,4 +1,4 @@
-//! The mouse, apart from setting goals: keys in the footer, names, lists, zooming and panning.
+//! The mouse, apart from setting goals: keys in the footer, names, lists, zooming, panning, and editing.
 
 use super::*;
 use crate::tui::layers::Overlay;
@@ -18,10 +18,6 @@ fn clicks_reach_what_is_on_top_and_nothing_else() {
     click_on(&mut app, SMALL, "4map 5log");
     click_on(&mut app, SMALL, "bridge edges");
     assert!(app.screen.overlays.has(Overlay::Edges));
-    press(&mut app, KeyCode::Char('e'));
-    click_on(&mut app, SMALL, "box");
-    assert_eq!(app.maze().editor.tool, Tool::Rectangle);
-    click_on(&mut app, SMALL, "done");
     // Clicks on a maximised pane do not reach the map.
     let goal = app.maze().goal;
     press(&mut app, KeyCode::Char('z'));
@@ -37,13 +33,6 @@ fn clicks_reach_what_is_on_top_and_nothing_else() {
     click(&mut app, MouseButton::Left, Position::new(0, 23));
     assert!(app.screen.dialogs.is_empty(), "a click outside closes a dialog");
     assert!(!app.maze().editor.is_open(), "and does nothing else");
-    app.act(Action::Autosave);
-    type_text(&mut app, "7");
-    click_on(&mut app, SMALL, "Enter: accept");
-    assert!(app.screen.dialogs.is_empty() && app.saver.autosave.minutes == 7.0);
-    app.act(Action::Theme);
-    click_on(&mut app, SMALL, "light   ");
-    assert_eq!(app.screen.theme.name, ThemeName::Light);
 }
 
 fn wide() -> App {
@@ -110,24 +99,71 @@ fn the_middle_button_and_the_minimap_pan_the_map() {
 }
 
 #[test]
-fn clicks_beside_the_map_and_on_walls_say_what_they_do() {
-    let said = |app: &mut Still, button, at| {
-        app.screen.log.take();
-        click(app, button, at);
-        app.screen.log.take().unwrap_or_default()
-    };
+fn clicks_on_walls_say_what_they_do() {
     let mut app = still();
     draw(&mut app, 80, 24);
-    let pane = app.screen.layout.map_pane;
-    let beside = Position::new(pane.x, pane.bottom() - 2);
-    let text = "a click outside of the map changes nothing";
-    assert_eq!(said(&mut app, MouseButton::Left, beside), text);
     let wall = character_of(&app, Cell::new(10, 1));
-    assert!(said(&mut app, MouseButton::Left, wall).contains("10,1 is a wall: G is at"));
-    assert!(said(&mut app, MouseButton::Right, wall).contains("10,1 is a wall: @ is at"));
-    for tool in Tool::ALL {
-        app.act(Action::Tool(tool));
-        draw(&mut app, 80, 24);
-        assert_eq!(said(&mut app, MouseButton::Left, beside), text, "{tool:?}");
+    for (button, said) in [(MouseButton::Left, 'G'), (MouseButton::Right, '@')] {
+        click(&mut app, button, wall);
+        assert!(
+            notice(&app).contains(&format!("10,1 is a wall: {said} is at")),
+            "{}",
+            notice(&app)
+        );
     }
+}
+
+#[test]
+fn a_door_can_be_closed_and_reopened_during_training() {
+    let mut app = app();
+    let door = Cell::new(10, 2);
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 50);
+    press(&mut app, KeyCode::Char('e'));
+    assert!(text(&draw(&mut app, 80, 24)).contains("EDIT"));
+    let at = character_of(&app, door);
+    let below = Position::new(at.x, at.y + 1);
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
+    assert!(!app.maze().map.is_free(door), "the door is closed");
+    wait_until(&mut app, |app| !app.drawn_map().is_free(door));
+    // The trainer's answer and its snapshot arrive separately.
+    wait_until(&mut app, |app| notice(app).contains("2 disconnected components"));
+    let updates = app.screen.snapshot.counters.updates;
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
+    press(&mut app, KeyCode::Char('u'));
+    wait_until(&mut app, |app| app.drawn_map().is_free(door));
+    press_with(&mut app, KeyCode::Char('r'), KeyModifiers::CONTROL);
+    wait_until(&mut app, |app| !app.drawn_map().is_free(door));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
+    mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
+    wait_until(&mut app, |app| app.drawn_map().is_free(door));
+    // By keyboard alone, from the goal, where the cursor starts.
+    assert_eq!(app.maze().editor.cursor, Some(Cell::new(19, 4)));
+    (0..9).for_each(|_| press(&mut app, KeyCode::Left));
+    let wall = app.maze().map.is_free(Cell::new(10, 4));
+    press(&mut app, KeyCode::Char('x'));
+    wait_until(&mut app, |app| app.drawn_map().is_free(Cell::new(10, 4)) != wall);
+    press(&mut app, KeyCode::Esc);
+    assert!(!app.maze().editor.is_open());
+    assert_eq!(app.maze().goal, Cell::new(19, 4), "the goal stayed where it was");
+}
+
+#[test]
+fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
+    let mut app = still();
+    draw(&mut app, 80, 24);
+    press(&mut app, KeyCode::Char('e'));
+    app.act(Action::Tool(Tool::Rectangle));
+    let from = character_of(&app, Cell::new(12, 1));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), from);
+    mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(79, 23));
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(79, 23));
+    let map = &app.maze().map;
+    assert!(
+        [(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))),
+        "{map:?}"
+    );
+    assert!(map.is_free(Cell::new(15, 3)), "inside the box");
 }

@@ -3,7 +3,6 @@
 use super::staged::staged_app;
 use super::*;
 use crate::tui::export::name;
-use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
 use gdg::train::{Film, FilmFrame};
@@ -13,8 +12,8 @@ use gdg::viewer::{MazeView, View};
 /// Returns a film on the rooms map: distances grow with the updates.
 pub(super) fn film(app: &Session, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
     let (mut world, mut film) = (PointMaze::new(app.maze().map.clone(), 2), Film::default());
-    world.set_full_state(0, &[3.5, 3.5]);
-    world.set_full_state(1, &[14.5, 1.5]);
+    world.set_full_state(0, &[3.5, 3.5]).unwrap();
+    world.set_full_state(1, &[14.5, 1.5]).unwrap();
     let points = film.points(&world).expect("points");
     let (states, _) = points.states.as_chunks::<2>();
     for updates in updates {
@@ -138,7 +137,7 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
 #[test]
 fn the_past_of_an_arm_is_a_field_through_its_goal() {
     let world = FetchReach::new(0);
-    let mut app = app_in(&world, gdg(), Limits { updates: Some(0), ..Limits::default() }, None);
+    let mut app = app_in(&world, gdg(), Some(0), None);
     draw(&mut app, 120, 40);
     let (world, mut film) = (FetchReach::new(3), Film::default());
     let points = film.points(&world).expect("points");

@@ -10,25 +10,12 @@ use crate::tui::layers::Overlay;
 use crate::tui::marker::Marker;
 use crate::tui::theme::Rgb;
 
-const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+pub(super) const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
 
 /// Returns an app on a terminal that shows pictures.
 fn app_with_pictures() -> App {
     let mut app = app();
     app.set_graphics(Some(GRAPHICS), Redraw::All);
-    app
-}
-
-/// Returns the same app, showing only the map, the field, the goal and the walking agent, once the
-/// field is on the screen.
-fn app_with_field(columns: u16, rows: u16) -> App {
-    let mut app = app_with_pictures();
-    hide_overlays(&mut app);
-    draw(&mut app, columns, rows);
-    wait_until(&mut app, |app| {
-        app.maze().view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
-    });
-    draw(&mut app, columns, rows);
     app
 }
 
@@ -80,32 +67,6 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
 }
 
 #[test]
-fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
-    let mut app = app_with_field(80, 24);
-    let (walker, ground) = ([1.5, 3.5], [4.5, 1.5]);
-    Arc::make_mut(&mut app.maze_mut().view).walk.start = walker;
-    let shown = |app: &mut App, redraw| {
-        app.set_graphics(Some(GRAPHICS), redraw);
-        draw(app, 80, 24);
-        [colour(app, ground, [0.0; 2]), colour(app, walker, [0.0; 2])]
-    };
-    let before = shown(&mut app, Redraw::All);
-    // All distances are larger, and the walk begins elsewhere.
-    let view = Arc::make_mut(&mut app.maze_mut().view);
-    view.field = Arc::new(view.field.iter().map(|value| 0.1 * value).collect());
-    view.walk.start = [ground[0] + 3.0, ground[1]];
-    let [same, moved] = shown(&mut app, Redraw::Moving);
-    assert!(same == before[0] && moved != before[1]);
-    let [other, _] = shown(&mut app, Redraw::All);
-    assert_ne!(other, before[0]);
-    // Another goal is shown at once.
-    let view = Arc::make_mut(&mut app.maze_mut().view);
-    view.field = Arc::new(view.field.iter().map(|value| 5.0 * value).collect());
-    view.goal.1 += 1;
-    assert_ne!(shown(&mut app, Redraw::Moving)[0], other);
-}
-
-#[test]
 fn text_over_the_map_wins() {
     let mut app = app_with_pictures();
     let mut patches = Patches::new(Protocol::Kitty);
@@ -147,15 +108,11 @@ fn pixels_are_for_terminals_with_pictures_and_colours() {
             are_shown,
             "{marker:?} {graphics:?} {theme:?} {depth:?}"
         );
-        // The mouse finds the same cells as with characters.
-        let at = character_of(&app, Cell::new(3, 3));
-        click(&mut app, MouseButton::Left, at);
-        assert_eq!(app.maze().goal, Cell::new(3, 3));
     }
 }
 
 #[test]
-fn everything_on_the_map_is_drawn_as_pixels() {
+fn the_editor_and_a_part_of_the_map_are_drawn_as_pixels() {
     let mut app = staged_app(120, 40);
     app.set_graphics(Some(GRAPHICS), Redraw::All);
     let drawn = |app: &mut Still| {
@@ -163,19 +120,11 @@ fn everything_on_the_map_is_drawn_as_pixels() {
         picture(app).pixels.clone()
     };
     let before = drawn(&mut app);
-    for overlay in Overlay::ALL {
-        app.screen.overlays.toggle(overlay);
-        assert!(drawn(&mut app) != before, "{overlay:?}");
-        app.screen.overlays.toggle(overlay);
-    }
     press(&mut app, KeyCode::Char('e'));
     assert!(drawn(&mut app) != before, "the editor's cursor");
     press(&mut app, KeyCode::Esc);
     type_text(&mut app, "++");
     assert!(drawn(&mut app) != before, "zoomed in");
-    for (width, height) in [(1, 1), (2, 3), (40, 10), (400, 120)] {
-        draw(&mut app, width, height);
-    }
 }
 
 #[test]

@@ -6,17 +6,18 @@ use crate::tui::dialog::Choice;
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
 use crate::tui::lists;
 use crate::tui::session::runs;
+use crate::tui::session::saving::about_files;
 use gdg::map::MapScale;
 
 /// Returns an app that trains the rooms and saves them to a file, after its first update.
-fn training(path: PathBuf) -> App {
-    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path));
+fn training(path: &Path) -> App {
+    let mut app = app_saving_to(path, gdg(), None);
     wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
     app
 }
 
 /// The same, paused.
-fn paused(path: PathBuf) -> App {
+fn paused(path: &Path) -> App {
     let mut app = training(path);
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
@@ -24,16 +25,16 @@ fn paused(path: PathBuf) -> App {
 }
 
 fn tick(app: &mut App) {
-    app.saver.autosave.minutes = 1e-5;
+    app.saver.autosave_minutes = 1e-5;
     std::thread::sleep(Duration::from_millis(20));
     app.on_tick();
 }
 
 #[test]
-fn autosaves_have_their_own_files_of_which_the_newest_are_kept_and_none_is_written_twice() {
+fn autosaves_have_their_own_files_of_which_the_newest_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("kept.safetensors");
-    let mut app = training(path.clone());
+    let mut app = training(&path);
     app.on_tick();
     assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
     let mut all = std::collections::BTreeSet::new();
@@ -46,32 +47,6 @@ fn autosaves_have_their_own_files_of_which_the_newest_are_kept_and_none_is_writt
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
     assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "the user's own file is left");
-
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut app = paused(folder.path().join("run.safetensors"));
-    for edits in 1..=2 {
-        (0..5).for_each(|_| tick(&mut app));
-        wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == edits);
-        let files = std::fs::read_dir(folder.path()).expect("a folder").count();
-        assert_eq!(files, edits, "an edit alone is worth another file, nothing else");
-        let cell = app.maze().map.free_cells().next().expect("a free cell");
-        app.change_cell(cell, false);
-        wait_until(&mut app, |app| !app.maze().map.is_free(cell));
-    }
-}
-
-#[test]
-fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let blocked = folder.path().join("runs");
-    std::fs::write(&blocked, "a file, where a folder is needed").expect("a file");
-    let mut app = paused(blocked.join("run.safetensors"));
-    tick(&mut app);
-    wait_until(&mut app, |app| app.screen.snapshot.notice.is_error);
-    assert!(app.screen.snapshot.autosaves.is_empty());
-    std::fs::remove_file(&blocked).and_then(|()| std::fs::create_dir(&blocked)).expect("a folder");
-    tick(&mut app);
-    wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == 1);
 }
 
 #[test]
@@ -79,7 +54,7 @@ fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.safetensors");
     std::fs::write(&path, b"another run's").expect("written");
-    let mut app = training(path.clone());
+    let mut app = training(&path);
     let own = folder.path().join("mine-2.safetensors");
     for _ in 0..2 {
         let (before, updates) = (app.screen.snapshot.saved.clone(), app.screen.snapshot.updates());
@@ -108,7 +83,7 @@ fn a_failed_save_before_quitting_asks_for_another_file() {
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, b"").expect("written");
     let path = blocked.join("below.safetensors");
-    let mut app = training(path);
+    let mut app = training(&path);
     app.act(Action::Quit);
     let has_failed = |app: &App| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some());
     wait_until(&mut app, has_failed);
@@ -217,10 +192,8 @@ fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
             press(&mut app, KeyCode::Char('F'));
         }
         let shown = app.screen.snapshot.updates();
-        assert!(!app.saver.has_something_to_autosave(&app.cx));
         train_on(&mut app, seconds, updates);
         assert!(!frozen || app.screen.snapshot.updates() == shown, "the screen stays");
-        assert_eq!(app.saver.has_something_to_autosave(&app.cx), updates > 0);
         press(&mut app, KeyCode::Char('q'));
         assert_eq!(app.is_done(), !asks, "{seconds} s");
         let asked = shown_by(&mut app, 80, 24);
@@ -247,20 +220,16 @@ fn a_frozen_screen_says_what_was_saved_and_keeps_what_is_changed() {
     assert!(shown_by(&mut app, 80, 24).contains("limit reached"));
     let mut app = still();
     press(&mut app, KeyCode::Char('F'));
-    for (name, value) in [("expectile", "0.7"), ("tau", "0.01")] {
-        set(&mut app, name, value);
-        app.obey();
-        let settings = train::list_settings(&app.screen.run().settings);
-        for (name, value) in [("expectile", "0.7"), (name, value)] {
-            assert!(settings.contains(&(name.to_owned(), value.to_owned())), "{name} is kept");
-        }
-    }
+    set(&mut app, "expectile", "0.7");
+    app.obey();
+    let settings = train::list_settings(&app.screen.run().settings);
+    assert!(settings.contains(&("expectile".to_owned(), "0.7".to_owned())));
 }
 
 #[test]
 fn an_edited_map_is_not_discarded_without_a_question() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut app = paused(folder.path().join("own.safetensors"));
+    let mut app = paused(&folder.path().join("own.safetensors"));
     app.saver.named = None;
     let save_as = |app: &mut App, action: Action, name: &str| {
         app.act(action);
@@ -299,9 +268,8 @@ fn a_checkpoint_that_is_not_written_yet_is_written_on_closing() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.safetensors");
     for ask in [&[Action::Save][..], &[Action::Quit]] {
-        let named = (ask == [Action::Quit]).then(|| path.clone());
-        let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), named);
-        app.saver.to = SaveTo::CreateNew(path.clone());
+        let mut app = app_saving_to(&path, Method::default(), None);
+        app.saver.named.take_if(|_| ask == [Action::Save]);
         // The trainer's answer is not looked at, as if it hung.
         ask.iter().for_each(|action| app.act(*action));
         assert!(!app.is_done());
@@ -335,12 +303,6 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
     assert!(asks(&mut app));
     set(&mut app, "learning_rate", "0.002");
     assert!(!asks(&mut app), "the networks stay");
-    app.act(Action::Settings);
-    let Some(Dialog::Pick(list)) = app.screen.dialogs.last_mut() else { panic!("a list") };
-    list.search_names("hidden");
-    app.act(Action::ResetSetting);
-    assert_eq!(app.screen.dialogs.len(), 2, "its default resets them as well");
-    app.screen.dialogs.clear();
     set(&mut app, "hidden", "8");
     press(&mut app, KeyCode::Char('s'));
     let sent: Vec<Command> = app.commands.try_iter().collect();
@@ -358,16 +320,16 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
 #[test]
 fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
-    let start = |app: &App| {
-        Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.maze().map.height())), None)
-    };
+    let start =
+        |app: &App| Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.maze().map.height())));
     std::fs::write(folder.path().join("file"), b"").expect("written");
     for (place, works) in [("run.safetensors", true), ("file/run.safetensors", false)] {
         let path = folder.path().join(place);
-        let mut app = training(path.clone());
+        let mut app = training(&path);
         let (then, generation) = (start(&app), app.screen.snapshot.generation);
-        let Choice::StartOn(map, _) = &then else { unreachable!("it starts a run") };
-        app.screen.open(lists::map_switch_choices(map, None, None, None, true));
+        let Choice::StartOn(map) = &then else { unreachable!("it starts a run") };
+        let question = lists::map_switch(map, None, None, Some(&app.screen.latest));
+        app.screen.open(question);
         press(&mut app, KeyCode::Char('s'));
         if works {
             wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
@@ -386,68 +348,13 @@ fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
 }
 
 #[test]
-fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("run.safetensors");
-    for (answer, saves) in [('n', false), ('d', false), ('s', true)] {
-        let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
-        // As after some time of training.
-        app.act(Action::ToggleEdit);
-        app.act(Action::Apply);
-        wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
-        let generation = app.screen.snapshot.generation;
-        press(&mut app, KeyCode::Esc);
-        press(&mut app, KeyCode::Char('R'));
-        press(&mut app, KeyCode::Enter);
-        assert!(
-            shown_by(&mut app, 80, 24)
-                .contains("start a new run on this map with seed 2 without saving")
-        );
-        press(&mut app, KeyCode::Char(answer));
-        if answer == 'n' {
-            assert!(app.screen.dialogs.is_empty() && app.screen.run().seed == 1, "nothing happens");
-            continue;
-        }
-        wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
-        assert_eq!((app.screen.run().seed, path.exists()), (2, saves));
-    }
-}
-
-#[test]
-fn closing_says_of_one_moment_what_is_saved_and_what_is_not() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("own.safetensors");
-    let trainer = trainer_in(&PointMaze::new(Arc::new(rooms()), 0), gdg(), &Registry::builtin());
-    let engine = Engine::start(trainer, Limits::default()).expect("an engine");
-    let viewer = Viewer::start(&engine).expect("a viewer");
-    let mut app = app_with(engine.link(), viewer, None);
-    app.saver.to = SaveTo::CreateNew(path.clone());
-    let further = |app: &mut App| {
-        let now = app.screen.snapshot.updates();
-        wait_until(app, |app| app.screen.snapshot.updates() > now);
-    };
-    further(&mut app);
-    app.act(Action::Save);
-    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
-    further(&mut app);
-    app.command(Command::Autosave(path, train::Notes::default()));
-    wait_until(&mut app, |app| !app.screen.snapshot.autosaves.is_empty());
-    further(&mut app);
-    // Worth keeping: an edit.
-    let cell = app.maze().map.free_cells().next().expect("a free cell");
-    app.change_cell(cell, false);
-    let (saved, autosaved) =
-        (app.screen.snapshot.saved.clone().expect("saved").0, app.screen.snapshot.autosaves[0].0);
-    let summary = app.close(vec![engine]).summary.replace(',', "");
-    let number = |before: &str| {
-        let digits = summary.split(before).nth(1).unwrap_or_else(|| panic!("{before}: {summary}"));
-        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
-        digits[..end].parse::<u64>().unwrap_or_else(|_| panic!("{before}: {summary}"))
-    };
-    assert_eq!(number("own.safetensors at update "), saved);
-    assert_eq!(number(".safetensors at update ").max(autosaved), autosaved);
-    assert!(summary.contains(&format!("auto-{autosaved}.safetensors at update {autosaved}")));
-    assert_eq!(number("seed 1: ") - autosaved, number("not saved: the last "), "{summary}");
+fn closing_says_what_is_saved_and_what_is_not() {
+    let mut snapshot = Snapshot::clone(&staged_app(80, 24).screen.latest);
+    snapshot.saved = Some((6_000, Arc::new("own".into())));
+    snapshot.autosaves = Arc::new(vec![(8_000, "own-auto".into())]);
+    let said = "\nlast saved own at update 6,000\nautosaved own-auto at update 8,000";
+    assert_eq!(about_files(&snapshot, false), said);
+    assert_eq!(about_files(&snapshot, true), format!("{said}\nnot saved: the last 2,000 updates"));
 }
 
 #[test]

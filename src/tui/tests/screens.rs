@@ -1,11 +1,16 @@
-//! Snapshots of reviewed screens, with their styles.
+//! What is drawn: reviewed screens as snapshots, with their styles, and that everything can be.
 
 use super::picture::picture;
 use super::staged::staged_app;
 use super::*;
-use crate::tui::layers::Overlay;
+use crate::tui::graphics::Redraw;
+use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::marker::Marker;
 use crate::tui::panes::Pane;
+use crate::tui::raster::{MapFrame, Viewport};
 use gdg::bridge::EdgeStatus;
+use gdg::draw::Ground;
+use gdg::map::{RandomMapKind, random};
 use gdg::viewer::maze::Exploration;
 use gdg::viewer::{Candidate, Graph};
 
@@ -33,7 +38,7 @@ fn screens_match_their_snapshots() {
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
     check("mono", &mut app, 80, 24);
     let mut app = staged_app(80, 24);
-    (app.screen.pane, app.screen.maximised, app.screen.log_scale) = (Pane::Curves, true, true);
+    (app.screen.pane, app.screen.maximised) = (Pane::Curves, true);
     check("curves", &mut app, 80, 24);
     let mut app = staged_app(120, 40);
     for overlay in Overlay::ALL {
@@ -54,13 +59,19 @@ fn screens_match_their_snapshots() {
 #[test]
 fn each_overlay_changes_the_map_and_is_hidden_again() {
     let mut app = staged_app(80, 24);
-    for overlay in Overlay::ALL {
-        let before = picture(&draw(&mut app, 80, 24));
-        app.screen.overlays.toggle(overlay);
-        let after = picture(&draw(&mut app, 80, 24));
-        assert_ne!(before, after, "{overlay:?}");
-        app.screen.overlays.toggle(overlay);
-        assert_eq!(picture(&draw(&mut app, 80, 24)), before, "{overlay:?}");
+    for graphics in [Some(pixels::GRAPHICS), None] {
+        app.set_graphics(graphics, Redraw::All);
+        let drawn = |app: &mut Still| {
+            let screen = draw(app, 80, 24).backend().buffer().clone();
+            (screen, app.pictures().first().map(|picture| picture.pixels.clone()))
+        };
+        for overlay in Overlay::ALL {
+            let before = drawn(&mut app);
+            app.screen.overlays.toggle(overlay);
+            assert!(drawn(&mut app) != before, "{overlay:?}");
+            app.screen.overlays.toggle(overlay);
+            assert!(drawn(&mut app) == before, "{overlay:?}");
+        }
     }
     // Nothing is unexplored once everything has been visited.
     let map = app.maze().map.clone();
@@ -112,4 +123,113 @@ fn curves_say_where_the_map_was_edited() {
     app.screen.pane = Pane::Curves;
     let shown = shown_by(&mut app, 120, 40);
     assert!(shown.contains("\u{2506} 4,000 map edited  \u{2506} 8,000 map edited"), "{shown}");
+}
+
+#[test]
+fn maps_of_every_shape_can_be_drawn() {
+    for (width, height) in [(1, 1), (300, 1), (1, 300), (256, 256)] {
+        let map = parse_map("shape", format!("{}\n", ".".repeat(width)).repeat(height).as_bytes())
+            .expect("a map");
+        let mut app = still_on(map, gdg());
+        for (columns, rows) in [(80, 24), (30, 5), (200, 60)] {
+            draw(&mut app, columns, rows);
+            click(&mut app, MouseButton::Left, Position::new(columns / 2, rows / 2));
+        }
+    }
+}
+
+#[test]
+fn every_field_can_be_shown() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.counters.updates > 1_000 && !app.maze().view.graph.edges.is_empty()
+    });
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    for _ in 0..8 {
+        let asked = app.screen.field;
+        wait_until(&mut app, |app| {
+            app.maze().view.kind == asked
+                && (asked == Field::Plain || !app.maze().view.field.is_empty())
+        });
+        assert!(shown_by(&mut app, 80, 24).contains(asked.name()), "{asked:?} is named");
+        let (field, raster) =
+            (app.maze().view.field.clone(), app.maze().view.raster.expect("a raster"));
+        let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
+        let value = field[row * raster.pixels.0 + column];
+        match asked {
+            Field::True => {
+                assert_eq!(value, 19.0, "from the left to the goal in the lower right corner");
+            }
+            Field::Plain => assert!(value.is_nan()),
+            Field::OverEach => {
+                let (view, policy) = (&app.maze().view, &app.screen.snapshot.networks.policy);
+                let (start, goal) = (view.walk.start, app.maze().goal.centre());
+                let at = raster.middle_of(row * raster.pixels.0 + column);
+                let part = |from: &[f32], to: &[f32]| {
+                    policy.distance(from, to, &mut gdg::learn::Scratch::default())
+                };
+                let sum = part(&start, &at) + part(&at, &goal);
+                assert!((value - sum).abs() < 0.01, "the sum of both parts: {value}, {sum}");
+            }
+            _ => assert!(value.is_finite() && field.iter().any(|d| d.is_nan()), "none on walls"),
+        }
+        press(&mut app, KeyCode::Char('v'));
+    }
+    assert_eq!(app.screen.field, Field::Learned, "and round");
+}
+
+/// Returns whether a character shows floor in any of its pixels.
+fn shows_floor(frame: &MapFrame, map: &Grid, at: Position) -> bool {
+    let (across, down) = frame.marker.pixels();
+    (0..across * down).any(|n| {
+        let column = usize::from(at.x - frame.area.x) * across + n % across;
+        let row = usize::from(at.y - frame.area.y) * down + n / across;
+        matches!(frame.raster.ground(map, column, row), Ground::Free(_))
+    })
+}
+
+/// Draws an agent and the walking agent at `at`; returns how many characters they change.
+fn check_agent(app: &mut App, at: [f32; 2], (width, height): (u16, u16)) -> usize {
+    app.change_view(|view| view.trail.clear());
+    app.change_snapshot(|snapshot| snapshot.agents = Arc::default());
+    let without = draw(app, width, height).backend().buffer().clone();
+    app.change_view(|view| view.trail = vec![at]);
+    app.change_snapshot(|snapshot| snapshot.agents = Arc::new(at.to_vec()));
+    let with = draw(app, width, height).backend().buffer().clone();
+    let (frame, map) = (app.screen.layout.map.clone().expect("a map"), app.maze().map.clone());
+    let changed = frame.area.positions().filter(|at| with[*at] != without[*at]);
+    let changed = changed.inspect(|place| {
+        assert!(shows_floor(&frame, &map, *place), "{at:?} at {place} of {frame:?}");
+    });
+    changed.count()
+}
+
+#[test]
+fn agents_in_a_maze_are_never_drawn_inside_walls() {
+    let map = random(RandomMapKind::Perfect, Some(21), 3);
+    let cells: Vec<Cell> = map.free_cells().step_by(12).collect();
+    let mut app = still_on(map, gdg());
+    app.screen.overlays = Overlays::by_default(ColourDepth::True);
+    for overlay in [Overlay::Candidates, Overlay::Path, Overlay::Contours] {
+        app.screen.overlays.toggle(overlay);
+    }
+    let (mut shown, mut all) = (0, 0);
+    for (marker, zoom) in [Marker::HalfBlock, Marker::Quadrant, Marker::Braille]
+        .into_iter()
+        .flat_map(|marker| [(marker, 1.0), (marker, 1.7), (marker, 4.0)])
+    {
+        app.screen.marker = marker;
+        for (i, cell) in cells.iter().enumerate() {
+            // Near a corner of the cell, each in turn.
+            let [x, y] = cell.centre();
+            let sign = |bit: usize| if i >> bit & 1 == 0 { 0.4 } else { -0.4 };
+            let at = [x + sign(0), y + sign(1)];
+            app.maze_mut().viewport = Viewport { zoom, centre: at };
+            all += 1;
+            shown += usize::from(check_agent(&mut app, at, (80, 24)) > 0);
+        }
+    }
+    assert!(10 * shown > 9 * all, "{shown} of {all} are shown");
 }

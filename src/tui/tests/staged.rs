@@ -45,7 +45,23 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let mut app = still();
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
-    let (search, followed) = (staged_search(), staged_agent());
+    let search = SearchOutcome {
+        state: vec![1.5, 0.5],
+        goal: vec![15.5, 1.5],
+        rejected: vec![3.5, 3.5, 17.5, 3.5],
+        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
+        budget: 64,
+    };
+    let followed = FollowedAgent {
+        agent: 2,
+        start: vec![2.5, 4.5],
+        state: vec![7.5, 1.5],
+        steps: (17, 150),
+        aim: vec![10.5, 2.5],
+        goal: vec![18.5, 0.5],
+        distances: (3.0, 11.0),
+        planned: true,
+    };
     for updates in [2_500, 5_000, 7_500, 10_000] {
         let mut counters = Counters::default();
         (counters.updates, counters.env_steps, counters.episodes) =
@@ -86,31 +102,6 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let view = staged_view(&app);
     app.on_view(View::Maze(Arc::new(view)));
     app
-}
-
-/// Returns the latest search for a bridge in [`staged_app`].
-fn staged_search() -> SearchOutcome {
-    SearchOutcome {
-        state: vec![1.5, 0.5],
-        goal: vec![15.5, 1.5],
-        rejected: vec![3.5, 3.5, 17.5, 3.5],
-        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
-        budget: 64,
-    }
-}
-
-/// Returns the agent that can be followed in [`staged_app`].
-fn staged_agent() -> FollowedAgent {
-    FollowedAgent {
-        agent: 2,
-        start: vec![2.5, 4.5],
-        state: vec![7.5, 1.5],
-        steps: (17, 150),
-        aim: vec![10.5, 2.5],
-        goal: vec![18.5, 0.5],
-        distances: (3.0, 11.0),
-        planned: true,
-    }
 }
 
 /// Returns the view of the rooms map in [`staged_app`].

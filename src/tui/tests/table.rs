@@ -38,7 +38,7 @@ impl Stage {
             Wide => Box::new(still_on(Grid::empty("wide", 250, 200), gdg())),
             First => {
                 let mut app = still();
-                app.screen.first_run = true;
+                app.screen.explains = true;
                 Box::new(app)
             }
             Run => Box::new(staged_app(width, height)),
@@ -80,7 +80,7 @@ const ROWS: &[Row] = &[
     (First, SMALL, "n", &[], &["click: a new goal"]),
     (First, SMALL, "{esc}", &[], &["click: a new goal"]),
     // Training.
-    (New, SMALL, " ", &["paused"], &[]),
+    (New, SMALL, " ", &["paused, y: now"], &[]),
     (New, SMALL, "  ", &[], &["paused"]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
     (New, SMALL, "F", &["frozen"], &[]),
@@ -105,15 +105,14 @@ const ROWS: &[Row] = &[
     (Run, SMALL, "qc", &["q quit"], &["save and quit"]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}lots{enter}", &["random_actions cannot be"], &[]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}0.5{enter}", &["*random_actions"], &[]),
-    (
-        New,
-        SMALL,
-        "orandom_actions{enter}{ctrl-u}0.5{enter}{delete}",
-        &["random_actions"],
-        &["*random_actions"],
-    ),
+    (Run, SMALL, "R", &["save this run, then start", "yes, start", "with seed 2"], &[]),
+    // Typing replaces the answer that is there, unless it was edited.
+    (New, SMALL, "ohidden{enter}7", &["> 7 "], &[]),
+    (New, SMALL, "ohidden{enter}{backspace}7", &["> 17 "], &[]),
     (New, SMALL, "E", &["map as PNG", "curves as CSV"], &[]),
     (New, SMALL, "T{down}", &["dark text on a light page"], &[]),
+    (New, SMALL, "T{click light   }", &["gdg-tui"], &["type to search"]),
+    (New, SMALL, ":save a checkpoint under{enter}name{click Enter: accept}", &["name.safe"], &[]),
     // Panes.
     (New, SMALL, "{click 4map 5log}", &["bridge edges", "contours"], &[]),
     (New, NARROW, "{tab}", &["updates"], &["D to G"]),
@@ -121,19 +120,25 @@ const ROWS: &[Row] = &[
     (New, SMALL, "z", &["updates"], &["D to G"]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (Run, LARGE, "f2", &["exploring agent"], &[]),
-    (New, SMALL, "g", &["curves of losses and distances on logarithmic scales"], &[]),
     (New, SMALL, "ff{esc}", &["following the walking agent @"], &[]),
     (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
     (Run, LARGE, "v", &["D from S"], &[]),
     (New, SMALL, "i", &["cell 19,4"], &[]),
+    // Over the wall at column 10, and not beyond the map.
+    (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
+    (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
     (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
     // The editor.
     (New, SMALL, "e", &["EDIT", "drag: walls", "done"], &[]),
     (New, TINY, "e", &["done"], &[]),
     (New, SMALL, "{click e edit}{click done}", &[], &["EDIT"]),
+    (New, LARGE, "e{click box}", &["drag: an outline"], &["drag: walls"]),
     (New, LARGE, "e7", &["click: add or remove g"], &["drag: walls"]),
     (New, SMALL, "u", &["nothing to undo"], &[]),
     (New, SMALL, "{ctrl-r}", &["nothing to redo"], &[]),
+    (New, SMALL, "e5x", &["not filled: a map needs floor"], &[]),
+    (New, SMALL, "ehhhhhhhhh6x", &["a start needs floor"], &[]),
+    (New, SMALL, "ehhhhhhhhh7x", &["a goal needs floor"], &[]),
     // Looking back.
     (New, SMALL, "[", &["no film yet"], &[]),
     (Filmed, SMALL, "]", &["present"], &[]),
@@ -148,15 +153,14 @@ const ROWS: &[Row] = &[
     (Arm, SMALL, "P", &["front"], &[]),
     (Arm, SMALL, "e", &["fetch-reach has no map, "], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["x\u{2192}", "y\u{2191}", "G", "@"], &[]),
-    (Goals, SMALL, "P", &["x\u{2192}", "z\u{2191}"], &[]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "G", "@"], &[]),
+    (Goals, SMALL, "P", &["g0\u{2192}", "g2\u{2191}"], &[]),
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
     (Both, TINY, "", &["needs 60 x 18 characters"], &[]),
     (Both, LARGE, "?", &["maps are saved"], &[]),
     (Both, LARGE, "o", &["not in a comparison"], &[]),
     (Both, LARGE, "ov", &[], &["not in a comparison"]),
-    (Both, LARGE, ":save a checkpoint{enter}", &["not in a comparison: save a checkpoint"], &[]),
     (Both, SMALL, "[", &["no film yet"], &[]),
     (Both, SMALL, "e", &["EDIT", "undo"], &[]),
     (Both, SMALL, "ee", &[], &["EDIT"]),
@@ -170,7 +174,7 @@ const ROWS: &[Row] = &[
     (List, LARGE, " j {esc}", &[], &["  A "]),
     (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
     (List, LARGE, "{end}{up} ", &["  A fourrooms ", " 4,000 "], &[]),
-    (List, LARGE, "{end}{up} x", &["over environment steps", "not known"], &[]),
+    (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
     (List, LARGE, "{end}{up} xxv", &["success rate without plans over seconds"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
     (List, LARGE, "c", &["mark two runs"], &[]),

@@ -170,7 +170,6 @@ impl Worker {
         Ok(text)
     }
 
-    /// Saves a checkpoint in addition to those requested by the user.
     fn autosave(&mut self, named_after: &Path, notes: Notes) -> Outcome {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let stem = without_autosave_suffix(&stem);

@@ -20,7 +20,6 @@ pub enum Step {
     Episode,
 }
 
-/// What the trainer is doing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Phase {
     Running,
@@ -104,7 +103,6 @@ pub struct Snapshot {
     pub film: Arc<Vec<Arc<FilmFrame>>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// Methods used so far, if there was more than one.
     pub methods: Methods,
     /// Updates after which the world was edited, in order.
     pub edits: Arc<Vec<u64>>,
@@ -119,7 +117,6 @@ pub struct Snapshot {
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
     pub next_evaluation: NextEvaluation,
-    /// How far the latest evaluation is.
     pub evaluation_progress: Job,
     pub notice: Notice,
 }

@@ -100,9 +100,6 @@ pub trait Episodes {
 /// A world with evaluation tasks of its own.
 pub trait Evaluated: Sync {
     /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds.
-    ///
-    /// # Errors
-    /// The world fails.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError>;
 
     /// Returns how many tasks may run at once, where each agent takes memory and time of its own.
@@ -138,9 +135,6 @@ pub trait Explored {
 /// A world that an edited version can replace during a run.
 pub trait Editable {
     /// Describes the changes when this world replaces `before` in a run.
-    ///
-    /// # Errors
-    /// Returns an error if it cannot replace `before`.
     fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError>;
 
     /// Returns whether `action` in `state` could have led to `next`. Filters the stored transitions
@@ -165,16 +159,10 @@ pub trait Drawn {
 pub trait Rendered {
     /// Returns a copy of the world with one agent, as [`Environment::fork`] does, of which there are
     /// pictures.
-    ///
-    /// # Errors
-    /// The world fails.
     fn fork(&self) -> Result<Box<dyn Environment>, EnvError>;
 
     /// Returns a picture of the agent, with `goal` `(goal_dim)` in it if the world marks goals, of
     /// at most this width and height in pixels.
-    ///
-    /// # Errors
-    /// A text that says why there is none; everything else goes on.
     fn picture(&self, goal: &[f32], most: (usize, usize)) -> Result<Rendering, String>;
 }
 

@@ -108,7 +108,12 @@ impl FetchReach {
 
     /// Computes an arm's state.
     fn observe(&mut self, agent: usize) {
-        write_state(&self.arms[agent], &mut self.states[agent * STATE..(agent + 1) * STATE]);
+        let (arm, state) = (&self.arms[agent], &mut self.states[agent * STATE..][..STATE]);
+        let frames = arm.frames();
+        let per_step = frames.grip_velocity(&arm.velocities) * STEP_SECS;
+        state.fill(0.0);
+        state[..3].copy_from_slice(&frames.grip().as_vec3().to_array());
+        state[5..8].copy_from_slice(&per_step.as_vec3().to_array());
     }
 
     /// Draws a task, and returns it with its straight-line distance in metres.
@@ -132,61 +137,6 @@ fn components(position: f32, velocity: f32) -> Vec<f32> {
     [[position; 3].as_slice(), &[0.0; 2], &[velocity; 3], &[0.0; 2]].concat()
 }
 
-/// Writes what the learner observes of `arm`.
-fn write_state(arm: &Arm, state: &mut [f32]) {
-    let frames = arm.frames();
-    let per_step = frames.grip_velocity(&arm.velocities) * STEP_SECS;
-    state.fill(0.0);
-    state[..3].copy_from_slice(&frames.grip().as_vec3().to_array());
-    state[5..8].copy_from_slice(&per_step.as_vec3().to_array());
-}
-
-/// What cannot fail in this world.
-impl FetchReach {
-    /// Moves `agent` to the reset state, as [`Environment::restart`].
-    pub fn restart(&mut self, agent: usize) {
-        self.arms[agent] = Arm::at_reset();
-        self.observe(agent);
-    }
-
-    /// Steps all arms. Noise is added to the action's first three components.
-    pub fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
-        let noise = self.noise;
-        for (agent, action) in actions.chunks_exact(ACTION).enumerate() {
-            let mut pull = [action[0], action[1], action[2]].map(|v| v.clamp(-1.0, 1.0));
-            if noise > 0.0 {
-                for v in &mut pull {
-                    let sample: f32 = StandardNormal.sample(rng);
-                    *v = (*v + noise * sample).clamp(-1.0, 1.0);
-                }
-            }
-            self.arms[agent].step(pull.map(f64::from).into(), &mut self.rows);
-            self.observe(agent);
-        }
-    }
-
-    /// Puts `agent` into a full state, as [`Environment::set_full_state`].
-    pub fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        self.arms[agent] = Arm::from_full_state(full_state);
-        self.observe(agent);
-    }
-
-    /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance.
-    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        let mut drawn: Vec<(f64, Task)> =
-            (0..DISTANCE_GROUPS * per_group).map(|_| Self::random_task(rng)).collect();
-        drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut set = TaskSet { unit: DistanceUnit::Centimetres, ..TaskSet::default() };
-        for (group, of_group) in drawn.chunks(per_group.max(1)).enumerate() {
-            let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>()
-                / of_group.len() as f64;
-            set.distances.push(Some((10.0 * mean).round() / 10.0));
-            set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
-        }
-        set
-    }
-}
-
 impl Environment for FetchReach {
     fn kind(&self) -> &'static str {
         KIND.name
@@ -201,7 +151,8 @@ impl Environment for FetchReach {
     }
 
     fn restart(&mut self, agent: usize, _: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.restart(agent);
+        self.arms[agent] = Arm::at_reset();
+        self.observe(agent);
         Ok(())
     }
 
@@ -209,8 +160,20 @@ impl Environment for FetchReach {
         goal.copy_from_slice(&random_goal(rng).as_vec3().to_array());
     }
 
+    /// Steps all arms. Noise is added to the action's first three components.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.step(actions, rng);
+        let noise = self.noise;
+        for (agent, action) in actions.chunks_exact(ACTION).enumerate() {
+            let mut pull = [action[0], action[1], action[2]].map(|v| v.clamp(-1.0, 1.0));
+            if noise > 0.0 {
+                for v in &mut pull {
+                    let sample: f32 = StandardNormal.sample(rng);
+                    *v = (*v + noise * sample).clamp(-1.0, 1.0);
+                }
+            }
+            self.arms[agent].step(pull.map(f64::from).into(), &mut self.rows);
+            self.observe(agent);
+        }
         Ok(())
     }
 
@@ -228,7 +191,8 @@ impl Environment for FetchReach {
     }
 
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
-        self.set_full_state(agent, full_state);
+        self.arms[agent] = Arm::from_full_state(full_state);
+        self.observe(agent);
         Ok(true)
     }
 
@@ -265,8 +229,19 @@ impl Episodes for FetchReach {
 }
 
 impl Evaluated for FetchReach {
+    /// Draws five times `per_group` tasks, in groups of equal size by start-goal distance.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
-        Ok(self.tasks(per_group, rng))
+        let mut drawn: Vec<(f64, Task)> =
+            (0..DISTANCE_GROUPS * per_group).map(|_| Self::random_task(rng)).collect();
+        drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut set = TaskSet { unit: DistanceUnit::Centimetres, ..TaskSet::default() };
+        for (group, of_group) in drawn.chunks(per_group.max(1)).enumerate() {
+            let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>()
+                / of_group.len() as f64;
+            set.distances.push(Some((10.0 * mean).round() / 10.0));
+            set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
+        }
+        Ok(set)
     }
 }
 

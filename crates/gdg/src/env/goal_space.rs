@@ -1,9 +1,12 @@
-//! The space of goals: what front ends draw of a world that they know nothing else about.
+//! The space of goals: what front ends draw of a world that they know nothing else about; and the walls
+//! of a maze that somebody else simulates, for goals and for a picture.
 
 use std::fmt;
 use std::sync::Arc;
 
-use super::{EnvError, Environment, Episodes, Rendered, Spec, Walls};
+use serde::{Deserialize, Serialize};
+
+use super::{EnvError, Environment, Episodes, Rendered, Spec};
 
 /// A world without a picture of its own: its goals, states and steps.
 #[derive(Clone)]
@@ -18,23 +21,17 @@ pub struct GoalSpace {
 }
 
 impl GoalSpace {
-    /// Returns the space of goals of `world`.
-    pub fn of(world: &dyn Environment) -> Self {
+    /// Returns the space of goals of `world`, with the walls of its maze, if it has one: the first two
+    /// components of goals are positions in it.
+    pub fn of(world: &dyn Environment, walls: Option<&Walls>) -> Self {
         Self {
             kind: world.kind(),
             title: world.title().to_owned(),
             spec: world.spec().clone(),
             episode_steps: world.abilities().episodes.and_then(Episodes::episode_steps),
-            walls: None,
+            walls: walls.cloned().map(Arc::new),
             world: world.fork(0).map(Arc::from),
         }
-    }
-
-    /// Adds the walls of its maze, if it has one: the first two components of goals are positions
-    /// in it.
-    #[must_use]
-    pub fn with_walls(self, walls: Option<Walls>) -> Self {
-        Self { walls: walls.map(Arc::new), ..self }
     }
 
     /// Returns whether (x, y) lies in a wall of its maze or outside; not without a maze.
@@ -48,9 +45,6 @@ impl GoalSpace {
     }
 
     /// Returns the world with one agent, of which there are pictures if it renders any.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn world(&self) -> Result<Box<dyn Environment>, EnvError> {
         let world = self.world.clone()?;
         world.abilities().rendered.map_or_else(|| world.fork(1), Rendered::fork)
@@ -91,5 +85,115 @@ impl PartialEq for GoalSpace {
 impl fmt::Debug for GoalSpace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("GoalSpace").field("title", &self.title).finish_non_exhaustive()
+    }
+}
+
+/// Most rows, and most columns, of a maze.
+const MAX_SIDE_CELLS: usize = 1024;
+
+/// Which cells of a maze are walls, and where its cells are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Walls {
+    /// Whether each cell is a wall, by row.
+    is_wall: Vec<Vec<bool>>,
+    /// Middle (x, y) of the first cell of the first row.
+    first: [f32; 2],
+    /// How x changes from column to column, and y from row to row.
+    cell: [f32; 2],
+}
+
+impl Walls {
+    /// Returns whether the numbers make sense: rows of one length, and cells with a size.
+    pub fn is_sound(&self) -> bool {
+        let (rows, columns) = (self.is_wall.len(), self.columns());
+        (1..=MAX_SIDE_CELLS).contains(&rows)
+            && (1..=MAX_SIDE_CELLS).contains(&columns)
+            && self.is_wall.iter().all(|row| row.len() == columns)
+            && self.first.iter().all(|v| v.is_finite())
+            && self.cell.iter().all(|v| v.is_normal())
+    }
+
+    fn columns(&self) -> usize {
+        self.is_wall.first().map_or(0, Vec::len)
+    }
+
+    /// Returns the length of a cell's shorter side.
+    pub fn cell_size(&self) -> f32 {
+        self.cell[0].abs().min(self.cell[1].abs())
+    }
+
+    /// Returns the number of cells.
+    pub fn cells(&self) -> usize {
+        self.is_wall.len() * self.columns()
+    }
+
+    /// Returns the lowest and the highest x (`axis` 0) or y (1) of the maze.
+    pub fn range(&self, axis: usize) -> [f32; 2] {
+        let (count, first, cell) =
+            ([self.columns(), self.is_wall.len()][axis] as f32, self.first[axis], self.cell[axis]);
+        let ends = [first - 0.5 * cell, first + (count - 0.5) * cell];
+        [ends[0].min(ends[1]), ends[0].max(ends[1])]
+    }
+
+    /// Returns the index of the cell, row by row, in which (x, y) lies, if it lies in the maze.
+    pub fn cell_at(&self, at: [f32; 2]) -> Option<usize> {
+        let index = |axis: usize| ((at[axis] - self.first[axis]) / self.cell[axis]).round();
+        let [column, row] = [0, 1].map(index);
+        let is_inside = |i: f32, count: usize| (0.0..count as f32).contains(&i);
+        (is_inside(column, self.columns()) && is_inside(row, self.is_wall.len()))
+            .then(|| row as usize * self.columns() + column as usize)
+    }
+
+    /// Returns whether the cell with this index is a wall.
+    pub fn is_wall(&self, cell: usize) -> bool {
+        self.is_wall[cell / self.columns()][cell % self.columns()]
+    }
+
+    /// Returns points of the free cells, row by row: `side` times `side` in each, evenly spread
+    /// over the middle quarter of its area, where a body has room.
+    pub fn free_points(&self, side: u32) -> impl Iterator<Item = [f32; 2]> + '_ {
+        let offset = move |i: u32| (i as f32 + 0.5) / side as f32 * 0.5 - 0.25;
+        (0..self.cells()).filter(|cell| !self.is_wall(*cell)).flat_map(move |cell| {
+            let middle = [cell % self.columns(), cell / self.columns()];
+            (0..side * side).map(move |i| {
+                let offsets = [offset(i % side), offset(i / side)];
+                [0, 1].map(|k| self.first[k] + self.cell[k] * (middle[k] as f32 + offsets[k]))
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn walls() -> Walls {
+        let walls = serde_json::json!({
+            "is_wall": [[true, true, true], [true, false, true]],
+            "first": [-2.0, 8.0],
+            "cell": [4.0, -4.0],
+        });
+        serde_json::from_value(walls).expect("walls")
+    }
+
+    #[test]
+    fn places_lie_in_cells_and_free_cells_give_points() {
+        let walls = walls();
+        assert!(walls.is_sound());
+        assert_eq!(walls.cell_at([-3.9, 9.9]), Some(0));
+        assert_eq!(walls.cell_at([7.9, 2.1]), Some(5));
+        assert_eq!(walls.cell_at([3.0, 5.0]), Some(4));
+        assert_eq!([[-4.1, 8.0], [8.1, 8.0], [0.0, 1.9]].map(|at| walls.cell_at(at)), [None; 3]);
+        assert_eq!([0, 1].map(|axis| walls.range(axis)), [[-4.0, 8.0], [2.0, 10.0]]);
+        let free: Vec<_> = (0..6).filter(|cell| !walls.is_wall(*cell)).collect();
+        assert_eq!(free, [4]);
+        let points: Vec<_> = walls.free_points(2).collect();
+        assert_eq!(points, [[1.5, 4.5], [2.5, 4.5], [1.5, 3.5], [2.5, 3.5]]);
+        // Ragged or flat mazes make no sense.
+        let mut ragged = walls.clone();
+        ragged.is_wall[1].pop();
+        let flat = Walls { cell: [1.0, 0.0], ..walls.clone() };
+        let empty = Walls { is_wall: Vec::new(), ..walls };
+        assert!([ragged, flat, empty].iter().all(|walls| !walls.is_sound()));
     }
 }

@@ -1,19 +1,15 @@
 //! Any Gymnasium environment with continuous actions and goals, in a Python process of its own.
 //!
-//! A `process` steps several environments and exchanges one message a step with the program
-//! (`messages`); what the learner needs is found out once (`facts`). Environments are reset with
+//! A `worker` steps several environments and exchanges one message a step with the program; what the
+//! learner needs is found out once (`facts`). Environments are reset with
 //! seeds from the run's random numbers, so that the same seed gives the same run wherever the
 //! environment itself is deterministic. A resumed run begins the episodes of its agents again and
 //! repeats what they did.
 
 mod abilities;
 mod facts;
-mod messages;
-mod options;
 mod pool;
-#[cfg_attr(not(unix), path = "gym/no_process.rs")]
-mod process;
-mod requests;
+mod worker;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -29,10 +25,9 @@ use crate::job::Job;
 use crate::store::{Store, StoreError};
 use crate::text::counted;
 use facts::Found;
-use messages::{Description, REST};
-pub use options::{Address, GymOptions};
 use pool::Pool;
-use process::{Worker, failed};
+pub use pool::{Address, GymOptions};
+use worker::{Description, REST, Worker, failed};
 
 /// Registry entry of the environments of Gymnasium.
 pub const KIND: WorldKind = WorldKind {
@@ -41,7 +36,8 @@ pub const KIND: WorldKind = WorldKind {
     create: None,
     open: Some(|argument, options| {
         let address = argument.parse().map_err(|why| failed(argument, why, Vec::new()))?;
-        Ok(Box::new(Gym::open(&address, options)?))
+        let pool = Pool::open(address, options, None)?;
+        Ok(Box::new(Gym::without_agents(Arc::new(pool), true)))
     }),
     load: |store, options| Ok(Box::new(Gym::load(store, options)?)),
     // Steps are slow, so each is worth an update, as of the arm.
@@ -115,21 +111,13 @@ pub struct Gym {
 }
 
 impl Gym {
-    /// Opens an environment, without agents, and finds out what the learner needs.
-    ///
-    /// # Errors
-    /// There is no interpreter, package or environment, or it is not supported.
-    pub fn open(address: &Address, options: &GymOptions) -> Result<Self, EnvError> {
-        Ok(Self::without_agents(Arc::new(Pool::open(address, options)?), true))
-    }
-
     fn load(store: &Store, options: &GymOptions) -> Result<Self, EnvError> {
         let Stored { address, found, about } = store.json(STORED)?;
         let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
         let pool = if options.reads_only {
-            Pool::only_read(&address, options, about, found)?
+            Pool::only_read(address, options, about, found)?
         } else {
-            Pool::resume(&address, options, found)?
+            Pool::open(address, options, Some(found))?
         };
         Ok(Self::without_agents(Arc::new(pool), !options.reads_only))
     }
@@ -160,11 +148,6 @@ impl Gym {
         world
     }
 
-    /// Returns how the environment is called and where it comes from.
-    pub fn address(&self) -> &Address {
-        &self.pool.address
-    }
-
     /// Returns the walls of its maze, if it has one.
     fn maze(&self) -> Option<&Walls> {
         self.pool.found.maze_of(&self.pool.about)
@@ -178,17 +161,16 @@ impl Gym {
     /// Begins an episode of `agent`; returns its goal.
     fn begin(&mut self, agent: usize, seed: u32, task: Option<u32>) -> Result<Vec<f32>, EnvError> {
         let pool = self.pool.clone();
-        let begun = self.with_worker(agent, |worker, environment| {
+        let (row, goal) = self.with_worker(agent, |worker, environment| {
             worker.reset(&pool.about, environment, seed, task)
         })?;
         let mut episode = Episode { seed, task, ..Episode::default() };
-        episode.add(&begun.goal);
-        episode.add(&begun.row);
+        episode.add(&goal);
+        episode.add(&row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
-        self.set_state(agent, &self.state_in(&begun.row)?);
-        let goal = self.pool.found.goal_columns.iter().map(|column| begun.goal[*column]);
-        Ok(goal.collect())
+        self.set_state(agent, &self.state_in(&row)?);
+        Ok(self.pool.found.goal_columns.iter().map(|column| goal[*column]).collect())
     }
 
     /// Returns the state in what an environment has returned, unless that achieves something else
@@ -437,7 +419,7 @@ impl Drop for Gym {
         let is_idle = !self.has_failed() && self.stepping.is_none() && !self.renders;
         let workers = self.workers.get_mut();
         if is_idle {
-            workers.drain(..).for_each(|(worker, _)| self.pool.give_back(worker));
+            self.pool.idle.lock().extend(workers.drain(..).map(|(worker, _)| worker));
         }
         workers.iter_mut().for_each(|(worker, _)| worker.begin_to_end());
     }

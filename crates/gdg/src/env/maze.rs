@@ -2,7 +2,6 @@
 
 mod probe_grid;
 mod tasks;
-mod truth;
 
 use std::any::Any;
 use std::sync::{Arc, OnceLock};
@@ -18,7 +17,7 @@ use super::{
     TaskSet, WorldKind,
 };
 use crate::map::{
-    Cell, Diameter, Grid, MapScale, Ogbench, ScenarioTask, StepSearch, fingerprint, parse_map,
+    Cell, Components, Diameter, Grid, MapScale, Ogbench, ScenarioTask, fingerprint, parse_map,
     print_ascii,
 };
 use crate::store::{Store, StoreError};
@@ -77,7 +76,7 @@ impl PointMaze {
     /// # Panics
     /// Panics if the map has no free cell; parsers reject such maps.
     pub fn new(map: Arc<Grid>, agents: usize) -> Self {
-        let components = StepSearch::new(&map).components(&map);
+        let components = Components::of(&map);
         let mut cells = vec![Vec::new(); components.sizes.len()];
         for cell in map.free_cells() {
             if let Some(component) = components.of_cell[map.index(cell)] {
@@ -236,61 +235,6 @@ fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
 
-/// What cannot fail in this world.
-impl PointMaze {
-    /// Moves `agent` to a start state, as [`Environment::restart`].
-    pub fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
-        let anywhere = self.settings.restart == Restart::Anywhere;
-        let position = match self.map.starts() {
-            starts @ [_, ..] if !anywhere => Self::random_position_in(starts, rng),
-            _ => self.random_position(self.largest, rng),
-        };
-        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
-    }
-
-    /// Steps all agents, as [`Environment::step`].
-    pub fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
-        let (noise, benchmark) = (self.settings.noise, self.benchmark());
-        for (position, action) in self.positions.chunks_exact_mut(2).zip(actions.chunks_exact(2)) {
-            let mut a = [action[0].clamp(-1.0, 1.0), action[1].clamp(-1.0, 1.0)];
-            if noise > 0.0 {
-                for component in &mut a {
-                    let sample: f32 = StandardNormal.sample(rng);
-                    *component = (*component + noise * sample).clamp(-1.0, 1.0);
-                }
-            }
-            let here = [position[0], position[1]];
-            let begin = benchmark.map_or(here, |benchmark| benchmark.begin_step(here, rng));
-            position.copy_from_slice(&slide(&self.map, begin, a));
-        }
-    }
-
-    /// Puts `agent` into a full state, as [`Environment::set_full_state`].
-    pub fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        let mut position = [full_state[0] as f32, full_state[1] as f32];
-        if !self.map.is_free_at(position[0], position[1]) {
-            let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
-            if let Some(free) = self.map.nearest_free(cell) {
-                position = free.centre();
-            }
-        }
-        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
-    }
-
-    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
-    /// it. Otherwise draws `per_group` of each of the benchmark's, or random tasks at six distances,
-    /// the farthest at 0.9 of the map's diameter.
-    pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-        if !self.scenario.is_empty() {
-            return tasks::from_scenario(&self.map, &self.scenario, per_group);
-        }
-        match self.benchmark() {
-            Some(benchmark) => benchmark.draw_tasks(&self.map, per_group, rng),
-            None => self.tasks_at(&tasks::distances(self.diameter()), per_group, rng),
-        }
-    }
-}
-
 impl Environment for PointMaze {
     fn kind(&self) -> &'static str {
         NAME
@@ -305,7 +249,12 @@ impl Environment for PointMaze {
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.restart(agent, rng);
+        let anywhere = self.settings.restart == Restart::Anywhere;
+        let position = match self.map.starts() {
+            starts @ [_, ..] if !anywhere => Self::random_position_in(starts, rng),
+            _ => self.random_position(self.largest, rng),
+        };
+        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
         Ok(())
     }
 
@@ -321,7 +270,19 @@ impl Environment for PointMaze {
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        self.step(actions, rng);
+        let (noise, benchmark) = (self.settings.noise, self.benchmark());
+        for (position, action) in self.positions.chunks_exact_mut(2).zip(actions.chunks_exact(2)) {
+            let mut a = [action[0].clamp(-1.0, 1.0), action[1].clamp(-1.0, 1.0)];
+            if noise > 0.0 {
+                for component in &mut a {
+                    let sample: f32 = StandardNormal.sample(rng);
+                    *component = (*component + noise * sample).clamp(-1.0, 1.0);
+                }
+            }
+            let here = [position[0], position[1]];
+            let begin = benchmark.map_or(here, |benchmark| benchmark.begin_step(here, rng));
+            position.copy_from_slice(&slide(&self.map, begin, a));
+        }
         Ok(())
     }
 
@@ -336,7 +297,14 @@ impl Environment for PointMaze {
     }
 
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
-        self.set_full_state(agent, full_state);
+        let mut position = [full_state[0] as f32, full_state[1] as f32];
+        if !self.map.is_free_at(position[0], position[1]) {
+            let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
+            if let Some(free) = self.map.nearest_free(cell) {
+                position = free.centre();
+            }
+        }
+        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
         Ok(true)
     }
 
@@ -428,8 +396,17 @@ impl Episodes for PointMaze {
 }
 
 impl Evaluated for PointMaze {
+    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through
+    /// it. Otherwise draws `per_group` of each of the benchmark's, or random tasks at six distances,
+    /// the farthest at 0.9 of the map's diameter.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
-        Ok(self.tasks(per_group, rng))
+        if !self.scenario.is_empty() {
+            return Ok(tasks::from_scenario(&self.map, &self.scenario, per_group));
+        }
+        Ok(match self.benchmark() {
+            Some(benchmark) => benchmark.draw_tasks(&self.map, per_group, rng),
+            None => self.tasks_at(&tasks::distances(self.diameter()), per_group, rng),
+        })
     }
 
     /// Returns those of paths on the map; none if there are teleports.
@@ -437,7 +414,7 @@ impl Evaluated for PointMaze {
         if self.benchmark().is_some_and(|benchmark| !benchmark.exits().is_empty()) {
             return None;
         }
-        Some(Box::new(truth::MazeGroundTruth::new(
+        Some(Box::new(tasks::MazeGroundTruth::new(
             &self.map,
             &self.components[self.largest as usize],
         )))

@@ -84,10 +84,7 @@ mod tests {
         let distance = |x: f32, y: f32| region.distance([x, y].into_iter());
         assert_eq!([distance(3.9, 2.1), distance(7.0, 7.0), distance(19.0, 2.5)], [0.0, 5.0, 1.0]);
         assert_eq!(Region::everything(2).distance([9e9, -9e9].into_iter()), 0.0);
-    }
-
-    #[test]
-    fn there_are_never_more_boxes_than_can_be_compared_quickly() {
+        // There are never more boxes than can be compared quickly.
         let mut region = Region::nothing();
         for i in 0..1000u16 {
             let [x, y] = [i % 37 * 9, i % 83 * 9].map(f32::from);

@@ -68,9 +68,6 @@ pub struct TaskSet {
 
 impl TaskSet {
     /// Draws `count` tasks in one group, from random starts to random goals, at unknown distances.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn random(
         world: &dyn Environment,
         count: usize,
@@ -93,12 +90,6 @@ pub const NEAR_STEPS: u32 = 10;
 
 /// True distances of a world.
 pub trait GroundTruth {
-    /// Returns whether distances are in steps. Otherwise they are proportional to them by an unknown
-    /// factor: D's error is then that with the factor that fits best.
-    fn is_in_steps(&self) -> bool {
-        true
-    }
-
     /// Returns the fewest steps from the place `from` until each of `goals` counts as reached (see
     /// [`Spec::reached`](super::Spec::reached)), all `(goal_dim)`; `None` for a goal that is
     /// farther than `longest` or unreachable. Returns `None` overall if no agent can be at `from`.
@@ -115,7 +106,7 @@ pub struct TruePairs {
     pub goal: Vec<f32>,
     /// `(pairs, state_dim)`.
     pub states: Vec<f32>,
-    /// Fewest steps from each state to the goal, at least 1 (see [`GroundTruth::is_in_steps`]).
+    /// Fewest steps from each state to the goal, at least 1.
     pub steps: Vec<u32>,
     /// Which pairs were drawn from the near ones, for the error at short distances.
     pub near: Vec<bool>,

@@ -1,33 +1,22 @@
-//! Formats of maps, one file each, and what they share.
+//! Formats of maps, and what they share.
 //!
 //! A file's format is recognised by its content, and where that says nothing by the ending of its
 //! name; everything else is read as plain text.
 
-mod d4rl;
-mod image;
-mod list;
-mod mapf;
-mod movingai;
-mod notes;
-mod numbers;
-mod pgm;
-mod plain;
-mod png;
-mod ros;
-mod rows;
+mod characters;
+mod images;
+mod lists;
 mod tiled;
 mod yaml;
 
 use std::path::{Path, PathBuf};
 
-use super::grid::{Cell, Grid};
-use super::text::MapResult;
-use super::text::Text;
-use image::Image;
-pub use mapf::{Agent, agents, has_agents, is_mapf};
-pub use movingai::print_movingai;
-pub use plain::print_ascii;
-use rows::{Mark, Rows};
+use super::grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
+use super::text::{MapError, MapResult, Place, Text};
+use crate::text::counted;
+pub use characters::{print_ascii, print_movingai};
+use images::Image;
+pub use yaml::{Agent, agents, has_agents, is_mapf};
 
 /// A file that is read as a map.
 pub struct Source<'a> {
@@ -48,23 +37,16 @@ impl<'a> Source<'a> {
         Self { file, bytes, text: Text::new(file, bytes), folder: None, threshold: THRESHOLD }
     }
 
-    /// Returns the map's name: the file's without its ending.
+    /// The map's name: the file's without its ending.
     fn name(&self) -> String {
         name_of(Path::new(self.file))
     }
 
-    /// Reads it as an image.
-    fn read_image(&self, decode: fn(&str, &[u8]) -> MapResult<Image>) -> MapResult<Grid> {
-        let help = "dark pixels are walls: --threshold says how dark, from 0 to 1";
-        decode(self.file, self.bytes)?.map(self.file, |shade| shade < self.threshold, help)
-    }
-
-    /// Returns whether it is text that begins as `is` says.
+    /// Whether it is text that begins as `is` says.
     fn is_text(&self, is: fn(&Text) -> bool) -> bool {
         self.text.as_ref().is_ok_and(is)
     }
 
-    /// Returns its text.
     fn text(&self) -> MapResult<&Text<'a>> {
         self.text.as_ref().map_err(Clone::clone)
     }
@@ -73,12 +55,11 @@ impl<'a> Source<'a> {
 /// The brightness, from 0 to 1, below which pixels of images are walls unless another is given.
 pub const THRESHOLD: f32 = 0.5;
 
-/// Returns the name of a file without its ending.
+/// The name of a file without its ending.
 fn name_of(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// Returns the file of a map's image.
 type WriteImage = fn(&Grid) -> Vec<u8>;
 
 /// A format of maps.
@@ -92,8 +73,6 @@ pub struct MapFormat {
     pub endings: &'static [&'static str],
     /// Which marks are lost when a map is written in it; empty if none are.
     pub loses: &'static str,
-    /// Whether a file of this name keeps a map's scale.
-    keeps_scale: fn(&str) -> bool,
     /// Whether a file's content is of this format.
     is: fn(&Source) -> bool,
     read: fn(&Source) -> MapResult<Grid>,
@@ -106,29 +85,29 @@ pub struct MapFormat {
 /// All formats. A file is of the first one that recognises its content; plain text is what no other
 /// one recognises.
 pub const FORMATS: [MapFormat; 10] = [
-    png::FORMAT,
-    pgm::FORMAT,
-    movingai::FORMAT,
+    images::PNG,
+    images::PGM,
+    characters::MOVINGAI,
     tiled::FORMAT,
-    ros::FORMAT,
-    mapf::FORMAT,
-    list::FORMAT,
-    d4rl::FORMAT,
-    numbers::FORMAT,
-    plain::FORMAT,
+    yaml::ROS,
+    yaml::MAPF,
+    lists::LIST,
+    lists::D4RL,
+    lists::NUMBERS,
+    characters::PLAIN,
 ];
 
 impl MapFormat {
     /// Returns the format that recognises a file's content.
-    pub fn by_content(source: &Source) -> Option<&'static Self> {
+    pub(super) fn by_content(source: &Source) -> Option<&'static Self> {
         FORMATS.iter().find(|format| (format.is)(source))
     }
 
     /// Returns the format of a file.
-    pub fn of(source: &Source) -> &'static Self {
+    pub(super) fn of(source: &Source) -> &'static Self {
         let [.., plain] = &FORMATS;
         // Plain maps are often called .map too, and no other format recognises them.
-        let is_certain = |format: &&Self| format.name != movingai::FORMAT.name;
+        let is_certain = |format: &&Self| format.name != characters::MOVINGAI.name;
         let by_name = || Self::by_name(Path::new(source.file)).filter(is_certain);
         Self::by_content(source).or_else(by_name).unwrap_or(plain)
     }
@@ -141,34 +120,17 @@ impl MapFormat {
         FORMATS.iter().find(is_own)
     }
 
-    /// Reads a map.
-    ///
-    /// # Errors
-    /// The file is malformed; the error names the place.
-    pub fn read(&self, source: &Source) -> MapResult<Grid> {
+    pub(super) fn read(&self, source: &Source) -> MapResult<Grid> {
         (self.read)(source)
     }
 
-    /// Returns what of a map a file of this name in this format would lack.
-    pub fn lost(&self, grid: &Grid, file: &Path) -> Vec<String> {
+    /// Returns which marks of a map a file in this format would lack.
+    pub fn lost(&self, grid: &Grid) -> Vec<&'static str> {
         let marks = [("starts", grid.starts()), ("goals", grid.goals())];
-        let marks = marks.into_iter().filter(|(_, cells)| !cells.is_empty());
-        let marks = marks.map(|(which, _)| which).filter(|which| self.loses.contains(which));
-        let is_kept = (self.keeps_scale)(&file.to_string_lossy());
-        let values = notes::scale_values(grid).filter(|_| !is_kept);
-        let values = values.map(|(key, value)| format!("{} {value}", key.replace('_', " ")));
-        marks.map(str::to_owned).chain(values).collect()
-    }
-
-    /// Returns the names of the formats that keep a whole map.
-    pub fn lossless() -> Vec<&'static str> {
-        let keeps = |format: &&Self| format.loses.is_empty() && (format.keeps_scale)("");
-        FORMATS.iter().filter(keeps).map(|format| format.name).collect()
-    }
-
-    /// Returns whether starts and goals are in a scenario beside the map.
-    pub fn has_scenarios(&self) -> bool {
-        self.name == movingai::FORMAT.name
+        let lost = |(which, cells): &(&'static str, &[Cell])| {
+            !cells.is_empty() && self.loses.contains(which)
+        };
+        marks.into_iter().filter(lost).map(|(which, _)| which).collect()
     }
 
     /// Returns the files of a map in this format, with their names: `file`, and for some formats an
@@ -184,6 +146,27 @@ impl MapFormat {
     pub fn image_of(&self, file: &Path) -> Option<PathBuf> {
         self.image.map(|(ending, _)| file.with_extension(ending))
     }
+}
+
+/// Returns a fingerprint that differs between maps of one name: size, goal radius, and a checksum of
+/// cells, goals and scale. Starts do not count: they may have been drawn at random.
+pub fn fingerprint(grid: &Grid) -> String {
+    let text = print_ascii(&grid.with_marks(Vec::new(), grid.goals().to_vec()));
+    let scale = grid.scale();
+    let checksum = crc32fast::hash(format!("{text}{scale:?}").as_bytes());
+    let [width, height] = [grid.width(), grid.height()];
+    format!("{width} x {height}, goal radius {}, {checksum:08x}", scale.goal_radius)
+}
+
+/// What a cell is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mark {
+    Wall,
+    Free,
+    Start,
+    Goal,
+    /// Start and goal.
+    Both,
 }
 
 /// Returns the rows of a map, each the marks of its cells.
@@ -205,14 +188,83 @@ fn marks(grid: &Grid) -> impl Iterator<Item = impl Iterator<Item = Mark> + '_> +
     })
 }
 
-/// Returns a fingerprint that differs between maps of one name: size, goal radius, and a checksum of
-/// cells, goals and scale. Starts do not count: they may have been drawn at random.
-pub fn fingerprint(grid: &Grid) -> String {
-    let text = print_ascii(&grid.with_marks(Vec::new(), grid.goals().to_vec()));
-    let scale = grid.scale();
-    let checksum = crc32fast::hash(format!("{text}{scale:?}").as_bytes());
-    let [width, height] = [grid.width(), grid.height()];
-    format!("{width} x {height}, goal radius {}, {checksum:08x}", scale.goal_radius)
+/// Returns the map of these cells, row by row; `cells` says how they are written.
+fn grid(source: &Source, width: usize, marks: &[Mark], cells: &str) -> MapResult<Grid> {
+    let free: Vec<bool> = marks.iter().map(|mark| *mark != Mark::Wall).collect();
+    if !free.contains(&true) {
+        return Err(MapError::whole_file(source.file, "the map has no free cell", cells));
+    }
+    let of = |which: Mark| {
+        let is = |mark: &Mark| *mark == which || *mark == Mark::Both;
+        let at = marks.iter().enumerate().filter(|(_, mark)| is(mark));
+        at.map(|(i, _)| Cell::new(i % width, i / width)).collect()
+    };
+    Ok(Grid::new(&source.name(), width, free, of(Mark::Start), of(Mark::Goal)))
+}
+
+fn too_large(text: &Text, width: usize, height: usize) -> Box<MapError> {
+    text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
+}
+
+/// The rows read so far, all of the first one's length.
+struct Rows<'a> {
+    text: &'a Text<'a>,
+    /// Cells of the first row, once it has ended.
+    width: Option<usize>,
+    /// Index of the first cell of the row that is being read.
+    row: usize,
+    marks: Vec<Mark>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(text: &'a Text<'a>) -> Self {
+        Self { text, width: None, row: 0, marks: Vec::new() }
+    }
+
+    /// Adds a cell to the row, unless the map is too large.
+    fn push(&mut self, mark: Mark) -> MapResult<()> {
+        self.marks.push(mark);
+        let width = self.marks.len() - self.row;
+        if width > MAX_SIDE || self.marks.len() > MAX_CELLS {
+            let height = self.width.map_or(1, |width| self.marks.len().div_ceil(width));
+            return Err(too_large(self.text, self.width.unwrap_or(width), height));
+        }
+        Ok(())
+    }
+
+    fn is_row_empty(&self) -> bool {
+        self.row == self.marks.len()
+    }
+
+    /// Ends the row, which began at `from`; it must be as long as the first one.
+    fn end_row(&mut self, from: Place) -> MapResult<()> {
+        let length = self.marks.len() - self.row;
+        let width = *self.width.get_or_insert(length);
+        let help = "all rows must have the same number of cells";
+        if length == 0 {
+            return Err(self.text.error_at(from, "this row has no cells", help));
+        }
+        if length != width {
+            let cells = counted(length as u64, "cell");
+            let problem = format!("this row has {cells}, the first row has {width}");
+            return Err(self.text.error_at(from, problem, help));
+        }
+        self.row = self.marks.len();
+        Ok(())
+    }
+
+    /// Returns the map; `cells` says how its cells are written.
+    fn finish(self, source: &Source, cells: &str) -> MapResult<Grid> {
+        let width = self.width.unwrap_or(1);
+        let height = self.marks.len() / width;
+        if height == 0 {
+            return Err(MapError::whole_file(source.file, "the map has no rows", cells));
+        }
+        if !is_size(width, height) {
+            return Err(too_large(self.text, width, height));
+        }
+        grid(source, width, &self.marks, cells)
+    }
 }
 
 #[cfg(test)]

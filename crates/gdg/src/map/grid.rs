@@ -44,7 +44,7 @@ impl Cell {
 }
 
 /// A rectangular map of free and wall cells; everything outside it is wall.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     name: String,
     width: usize,
@@ -55,18 +55,6 @@ pub struct Grid {
     goals: Vec<Cell>,
     /// How its cells relate to the maze that it was read from.
     scale: MapScale,
-    /// Warning that other programs read its file differently.
-    doubt: Option<&'static str>,
-}
-
-/// Maps are equal whatever the warning about their file.
-impl PartialEq for Grid {
-    fn eq(&self, other: &Self) -> bool {
-        let Self { name, width, height, free, starts, goals, scale, doubt: _ } = self;
-        scale == &other.scale
-            && (name, width, height) == (&other.name, &other.width, &other.height)
-            && (free, starts, goals) == (&other.free, &other.starts, &other.goals)
-    }
 }
 
 impl Grid {
@@ -86,7 +74,7 @@ impl Grid {
         let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
         let (name, scale) = (name.to_owned(), MapScale::default());
-        let grid = Self { name, width, height, free, starts, goals, scale, doubt: None };
+        let grid = Self { name, width, height, free, starts, goals, scale };
         assert!(
             grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)),
             "starts and goals must be on free cells"
@@ -115,17 +103,6 @@ impl Grid {
     /// Returns how the map's cells relate to the maze that it was read from.
     pub fn scale(&self) -> MapScale {
         self.scale
-    }
-
-    /// Returns the map with a warning that other programs read its file differently.
-    #[must_use]
-    pub(super) fn with_doubt(self, doubt: Option<&'static str>) -> Self {
-        Self { doubt, ..self }
-    }
-
-    /// Returns the warning that other programs read the map's file differently, if there is one.
-    pub fn doubt(&self) -> Option<&'static str> {
-        self.doubt
     }
 
     /// Returns the number of columns.

@@ -1,20 +1,47 @@
-//! Loads maps and scenarios from files.
+//! Loads maps and scenarios from files, and those compiled into the program.
 
 use std::path::Path;
 
-use super::file::read;
 use super::formats::{FORMATS, MapFormat, Source, THRESHOLD, has_agents};
 use super::grid::Grid;
+use super::ogbench::Ogbench;
 use super::scale::MapScale;
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
-use super::text::Text;
-use super::text::{MapError, MapResult};
+use super::text::{MapError, MapResult, Text, read_file};
 use crate::files::{Format, Mismatch, Wanted};
 
-/// Parses a map in any of the [`FORMATS`](super::FORMATS). Errors refer to it as `file`, whose stem becomes the map's name.
+/// Name and text of every built-in map; those of OGBench are layouts of blocks.
+pub const BUILTIN: [(&str, &str); 8] = [
+    ("fourrooms", include_str!("../../maps/fourrooms.txt")),
+    ("city", include_str!("../../maps/city.txt")),
+    ("trap", include_str!("../../maps/trap.txt")),
+    ("dead-end", include_str!("../../maps/dead-end.txt")),
+    ("ogbench-pointmaze-medium", include_str!("../../maps/ogbench-pointmaze-medium.txt")),
+    ("ogbench-pointmaze-large", include_str!("../../maps/ogbench-pointmaze-large.txt")),
+    ("ogbench-pointmaze-giant", include_str!("../../maps/ogbench-pointmaze-giant.txt")),
+    ("ogbench-pointmaze-teleport", include_str!("../../maps/ogbench-pointmaze-teleport.txt")),
+];
+
+/// Returns the built-in map called `name`.
 ///
-/// # Errors
-/// Fails on malformed input, with its location.
+/// # Panics
+/// Never: tests check the built-in maps.
+pub fn builtin(name: &str) -> Option<Grid> {
+    let (name, text) = BUILTIN.iter().find(|(n, _)| *n == name)?;
+    let map = parse_map(name, text.as_bytes()).expect("built-in maps are well-formed");
+    let benchmark = Ogbench::ALL.into_iter().find(|benchmark| benchmark.name() == *name);
+    let Some(benchmark) = benchmark else { return Some(map) };
+    let scale = MapScale {
+        cell: Ogbench::BLOCK_CELLS,
+        margin: Ogbench::BALL_CELLS,
+        goal_radius: Ogbench::GOAL_CELLS,
+        benchmark: Some(benchmark),
+    };
+    Some(scale.of(name, &map).expect("layouts have room for their scale"))
+}
+
+/// Parses a map in any of the [`FORMATS`]. Errors refer to it as `file`, whose stem becomes the
+/// map's name.
 pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
     parse(&Source::new(file, bytes))
 }
@@ -49,75 +76,31 @@ const SCENARIO: Wanted = Wanted {
 /// How the file of a map is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// The scale of the map; its goal radius is that of files and maps without one of their own.
+    /// The scale of the map, unless it has its own.
     pub scale: MapScale,
-    /// The goal radius, instead of the map's own, in cells.
-    pub goal_radius: Option<f32>,
     /// The brightness, from 0 to 1, below which pixels of images are walls.
     pub threshold: f32,
 }
 
 impl Default for Reading {
     fn default() -> Self {
-        Self { scale: MapScale::default(), goal_radius: None, threshold: THRESHOLD }
-    }
-}
-
-impl Reading {
-    /// Returns the map of a `maze` at the scale; errors refer to it as `file`.
-    ///
-    /// # Errors
-    /// The map cannot have this scale.
-    pub fn map_of(&self, file: &str, maze: &Grid) -> MapResult<Grid> {
-        if maze.scale().benchmark.is_some() {
-            let goal_radius = self.goal_radius.unwrap_or(self.scale.goal_radius);
-            return MapScale { goal_radius, ..self.scale }.of(file, maze);
-        }
-        let own = maze.scale();
-        let is_enlarged =
-            |scale: MapScale| MapScale { goal_radius: 1.0, ..scale } != MapScale::default();
-        if is_enlarged(own) {
-            // Its cells are no blocks.
-            if is_enlarged(self.scale) {
-                return self.scale.of(file, maze);
-            }
-            let goal_radius = self.goal_radius.unwrap_or(own.goal_radius);
-            let scale = MapScale { goal_radius, ..own };
-            return scale.checked(file).map(|scale| maze.clone().with_scale(scale));
-        }
-        let own = Some(own.goal_radius)
-            .filter(|radius| *radius != MapScale::default().goal_radius)
-            // In the cells of the maze.
-            .map(|radius| radius * self.scale.cell as f32);
-        let goal_radius = self.goal_radius.or(own).unwrap_or(self.scale.goal_radius);
-        let maze = maze.clone().with_scale(MapScale::default());
-        MapScale { goal_radius, ..self.scale }.of(file, &maze)
+        Self { scale: MapScale::default(), threshold: THRESHOLD }
     }
 }
 
 /// Reads and parses a map file.
-///
-/// # Errors
-/// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too
-/// large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
     load_map_as(path, &Reading::default())
 }
 
 /// Reads and parses a map file at a scale.
-///
-/// # Errors
-/// Like [`load_map`]; also if the map cannot have this scale.
 pub fn load_map_as(path: &Path, reading: &Reading) -> MapResult<Grid> {
     let maze = load_maze(path, reading.threshold)?;
-    reading.map_of(&path.to_string_lossy(), &maze)
+    reading.scale.of(&path.to_string_lossy(), &maze)
 }
 
 /// Reads a map file that replaces `map` while agents move there: a maze that the map's scale
 /// enlarges to its size, or one that has it already.
-///
-/// # Errors
-/// Like [`load_map_as`].
 pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid> {
     let (maze, scale) = (load_maze(path, threshold)?, map.scale());
     let fits =
@@ -132,7 +115,7 @@ pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid>
 
 /// Reads a map file, a block a cell.
 fn load_maze(path: &Path, threshold: f32) -> MapResult<Grid> {
-    let bytes = read(path, "map").map_err(|error| explained(path, error, &MAP))?;
+    let bytes = read_file(path, "map").map_err(|error| explained(path, error, &MAP))?;
     let file = path.to_string_lossy();
     let folder = path.parent();
     let source = Source { folder, threshold, ..Source::new(&file, &bytes) };
@@ -147,47 +130,30 @@ fn load_maze(path: &Path, threshold: f32) -> MapResult<Grid> {
 pub fn format_for(path: &Path) -> &'static MapFormat {
     let [.., plain] = &FORMATS;
     let of_name = MapFormat::by_name(path).unwrap_or(plain);
-    let Ok(bytes) = read(path, "map") else { return of_name };
+    let Ok(bytes) = read_file(path, "map") else { return of_name };
     let file = path.to_string_lossy();
     let source = Source { folder: path.parent(), ..Source::new(&file, &bytes) };
     if parse(&source).is_ok() { MapFormat::of(&source) } else { of_name }
 }
 
 /// Reads a scenario, for any map.
-///
-/// # Errors
-/// The file cannot be read, or is not a scenario.
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
-    let parsed =
-        read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
+    let parsed = read_file(path, "scenario")
+        .and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
     parsed.map_err(|error| explained(path, error, &SCENARIO))
 }
 
 /// Reads the agents of a map for planners as a scenario; `None` if the file is another map.
-///
-/// # Errors
-/// Like [`read_scenario`].
 pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
-    let Ok(bytes) = read(path, "map") else { return Ok(None) };
+    let Ok(bytes) = read_file(path, "map") else { return Ok(None) };
     let file = path.to_string_lossy();
     let has_agents = Text::new(&file, &bytes).is_ok_and(|text| has_agents(&text));
     has_agents.then(|| Scenario::parse(&file, &bytes)).transpose()
 }
 
 /// Reads and parses a scenario for `grid`.
-///
-/// # Errors
-/// Like [`read_scenario`]; also if a task does not fit the map.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     read_scenario(path)?.tasks(grid)
-}
-
-/// Parses a scenario for `grid`; errors refer to it as `file`.
-///
-/// # Errors
-/// See [`load_scenario`].
-pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    Scenario::parse(file, bytes)?.tasks(grid)
 }
 
 /// Returns an error that names the kind of the file at `path` if that is not `wanted`, else

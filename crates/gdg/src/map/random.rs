@@ -7,7 +7,7 @@ use pathfinding::undirected::kruskal::kruskal_indices;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::distance::StepSearch;
+use super::components::Components;
 use super::grid::{Cell, Grid};
 
 /// The kind of a random map.
@@ -155,7 +155,7 @@ pub fn with_start(grid: Grid, seed: u64) -> Grid {
     if !grid.starts().is_empty() {
         return grid;
     }
-    let components = StepSearch::new(&grid).components(&grid);
+    let components = Components::of(&grid);
     let cells: Vec<Cell> = components.largest_cells(&grid).collect();
     let start = cells[ChaCha8Rng::seed_from_u64(seed).random_range(0..cells.len())];
     grid.with_marks(vec![start], grid.goals().to_vec())

@@ -1,17 +1,11 @@
 //! Moving AI `.scen` files: tasks on a map.
 
-use std::cell::Cell as Counter;
-use std::f64::consts::SQRT_2;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
 
-use pathfinding::directed::astar::astar;
-
-use super::distance::StepSearch;
-use super::formats::{Agent, MapFormat, agents, is_mapf};
+use super::components::Components;
+use super::formats::{Agent, agents, is_mapf};
 use super::grid::{Cell, Grid};
-use super::text::Text;
-use super::text::{MapError, MapResult};
+use super::text::{MapError, MapResult, Text};
 use crate::text::SourceLine;
 
 /// One task of a scenario.
@@ -30,17 +24,6 @@ const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, ma
 
 /// Fields of a task.
 const FIELDS: usize = 9;
-
-/// Tolerance for stated lengths below the true ones, in cells: files round.
-const LENGTH_TOLERANCE: f64 = 0.01;
-
-/// Lengths of a straight and a diagonal move, rounded down.
-const STRAIGHT: usize = 1000;
-const DIAGONAL: usize = 1414;
-
-/// Maximum number of cells that the searches for the lengths of all written tasks visit together:
-/// seconds.
-const MOST_VISITS: usize = 3_000_000;
 
 /// A scenario as read from its file, for any map.
 #[derive(Clone, Debug)]
@@ -75,28 +58,18 @@ pub fn is_scenario(text: &Text) -> bool {
 
 impl Scenario {
     /// Parses a scenario; errors refer to it as `file`.
-    ///
-    /// # Errors
-    /// Fails on a missing version, a wrong number of fields, values that are not numbers, and
-    /// scenarios without tasks.
     pub fn parse(file: &str, bytes: &[u8]) -> MapResult<Self> {
         let text = Text::new(file, bytes)?;
         if is_mapf(&text) {
             return Self::of_agents(&text);
         }
-        let version: Vec<String> =
-            text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
-        let version: Vec<&str> = version.iter().map(String::as_str).collect();
-        if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
-            let (problem, help) = if fields(text.lines[0]).len() == FIELDS {
-                (
-                    "the line 'version 1' is missing before the first task",
-                    "write 'version 1' above this line",
-                )
-            } else {
-                ("not a scenario of version 1", "the first line must be 'version 1'")
-            };
-            return Err(text.line_error(0, problem, help));
+        let version: Vec<&str> = text.lines[0].split_whitespace().collect();
+        let is_first = |words: &[&str]| {
+            words[0].eq_ignore_ascii_case("version") && ["1", "1.0"].contains(&words[1])
+        };
+        if version.len() != 2 || !is_first(&version) {
+            let problem = "not a scenario of version 1";
+            return Err(text.line_error(0, problem, "the first line must be 'version 1'"));
         }
         let lines =
             text.lines.iter().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
@@ -105,54 +78,6 @@ impl Scenario {
             return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
         }
         Ok(Self { file: file.to_owned(), entries })
-    }
-
-    /// Returns tasks on `grid`, whose file is called `name`, that have all of its starts and goals: the
-    /// first start with the first goal and so on, and again from the first of those that are fewer.
-    /// Tasks without a path are left out; `None` if that leaves none.
-    fn of_marks(grid: &Grid, name: &str) -> Option<Self> {
-        let (starts, goals) = (grid.starts(), grid.goals());
-        let most = if starts.is_empty() { 0 } else { goals.len().max(starts.len()) };
-        let left = Counter::new(MOST_VISITS);
-        let pairs = starts.iter().cycle().zip(goals.iter().cycle()).take(most);
-        let entries = pairs.filter_map(|(start, goal)| {
-            let length = shortest_length(grid, *start, *goal, &left)?;
-            let (width, height) = (grid.width(), grid.height());
-            let cells = format!("{}\t{}\t{}\t{}", start.x, start.y, goal.x, goal.y);
-            Some((
-                // Benchmarks put four lengths into a bucket.
-                format!(
-                    "{}\t{name}\t{width}\t{height}\t{cells}\t{length:.8}",
-                    (length / 4.0) as usize
-                ),
-                (start, goal, length),
-            ))
-        });
-        let entries = entries.enumerate().map(|(i, (text, (start, goal, length)))| Entry {
-            line: i + 1,
-            text,
-            marks: None,
-            size: (grid.width(), grid.height()),
-            start: (start.x, start.y),
-            goal: (goal.x, goal.y),
-            length: Some(length),
-        });
-        let entries: Vec<Entry> = entries.collect();
-        (!entries.is_empty()).then(|| Self { file: name.to_owned(), entries })
-    }
-
-    /// Returns the scenario, with the name of its file, that goes with the `file` of a map in a format
-    /// without starts and goals; `None` if there is none.
-    pub fn beside(grid: &Grid, file: &Path, format: &MapFormat) -> Option<(PathBuf, Self)> {
-        let name = file.file_name()?.to_string_lossy();
-        let scenario = format.has_scenarios().then(|| Self::of_marks(grid, &name))??;
-        Some((file.with_extension("scen"), scenario))
-    }
-
-    /// Returns the scenario as a file.
-    pub fn print(&self) -> String {
-        let lines = self.entries.iter().map(|entry| format!("{}\n", entry.text));
-        std::iter::once("version 1\n".to_owned()).chain(lines).collect()
     }
 
     /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.
@@ -185,67 +110,24 @@ impl Scenario {
 
     /// Returns the tasks on `grid`; scales coordinates if the stated map size has the grid's
     /// proportions.
-    ///
-    /// # Errors
-    /// A stated size has other proportions than the grid, or a start or goal is in a wall or off
-    /// the map.
     pub fn tasks(&self, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
         self.entries.iter().map(|entry| entry.task(&self.file, grid)).collect()
     }
 
-    /// Checks that each of `tasks` (this scenario's, on `grid`) has a path, and that its stated
-    /// length is not below that of a path without any wall.
-    ///
-    /// # Errors
-    /// Names the task that cannot be on this map.
-    pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
-        let components = StepSearch::new(grid).components(grid).of_cell;
-        for (entry, task) in self.entries.iter().zip(tasks) {
-            let [start, goal] = [task.start, task.goal].map(|cell| (cell.x, cell.y));
-            // Lengths in scaled scenarios may count cells of either map.
-            let least = least_length(entry.start, entry.goal).min(least_length(start, goal));
-            if let Some(length) = entry.length
-                && length + LENGTH_TOLERANCE < least
-            {
-                let problem = format!(
-                    "the octile length {length} is too short: a path without any wall is {least:.2} long"
-                );
-                let help = "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
-                return Err(entry.error(&self.file, 8..=8, problem, help));
-            }
-            if components[grid.index(task.start)] != components[grid.index(task.goal)] {
+    /// Checks that each of `tasks` (this scenario's, on `grid`) has a path.
+    pub fn check_paths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
+        let components = Components::of(grid).of_cell;
+        let component = |cell: Cell| components[grid.index(cell)];
+        let mut all = self.entries.iter().zip(tasks);
+        match all.find(|(_, task)| component(task.start) != component(task.goal)) {
+            None => Ok(()),
+            Some((entry, _)) => {
                 let help = "starts and goals must be connected; is this the right map?";
                 let problem = "no path leads from this start to this goal".to_owned();
-                return Err(entry.error(&self.file, 4..=7, problem, help));
+                Err(entry.error(&self.file, 4..=7, problem, help))
             }
         }
-        Ok(())
     }
-}
-
-/// Length of the shortest path, in cells, as Moving AI states it: a diagonal counts sqrt 2, and cuts
-/// no corner. `None` if there is none, or the visits that are `left` are used up.
-fn shortest_length(grid: &Grid, start: Cell, goal: Cell, left: &Counter<usize>) -> Option<f64> {
-    let is_straight = |a: Cell, b: Cell| a.x == b.x || a.y == b.y;
-    let moves = |at: &Cell| {
-        let at = *at;
-        left.set(left.get().saturating_sub(1));
-        let open = grid.neighbours(at).take(if left.get() > 0 { 8 } else { 0 });
-        open.map(move |next| (next, if is_straight(at, next) { STRAIGHT } else { DIAGONAL }))
-    };
-    let to_goal = |at: &Cell| {
-        let (x, y) = (at.x.abs_diff(goal.x), at.y.abs_diff(goal.y));
-        x.min(y) * DIAGONAL + x.abs_diff(y) * STRAIGHT
-    };
-    let (path, _) = astar(&start, moves, to_goal, |at| *at == goal)?;
-    let lengths = path.windows(2).map(|p| if is_straight(p[0], p[1]) { 1.0 } else { SQRT_2 });
-    Some(lengths.sum())
-}
-
-/// Lower bound on the length, in cells, of a path between two cells.
-fn least_length((ax, ay): (usize, usize), (bx, by): (usize, usize)) -> f64 {
-    let (x, y) = (ax.abs_diff(bx) as f64, ay.abs_diff(by) as f64);
-    x.min(y) * SQRT_2 + (x - y).abs()
 }
 
 impl Entry {
@@ -258,18 +140,12 @@ impl Entry {
     fn task(&self, file: &str, grid: &Grid) -> MapResult<ScenarioTask> {
         let (width, height) = self.size;
         if width as u128 * grid.height() as u128 != height as u128 * grid.width() as u128 {
-            let (own_width, own_height) = (grid.width(), grid.height());
-            let problem = if (width, height) == (own_height, own_width) {
-                format!(
-                    "width and height are swapped: {} is {own_width} wide and {own_height} high",
-                    grid.name()
-                )
-            } else {
-                format!(
-                    "a task on a map of {width} x {height} cells does not fit {}, which has {own_width} x {own_height}",
-                    grid.name()
-                )
-            };
+            let problem = format!(
+                "a task on a map of {width} x {height} cells does not fit {}, which has {} x {}",
+                grid.name(),
+                grid.width(),
+                grid.height()
+            );
             let help = "width and height, in this order, must be the map's, or both the same multiple of them; is this the \
                         right map?";
             return Err(self.error(file, 2..=3, problem, help));
@@ -401,23 +277,15 @@ fn is_name_of(name: &str, grid: &Grid) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{parse_map, parse_scenario_bytes};
-
-    #[test]
-    fn lengths_go_around_walls_and_cut_no_corners() {
-        let grid = parse_map("map", b"...#\n.#..\n...#\n####\n..#.\n").expect("a map");
-        let (a, b) = (Cell::new(1, 0), Cell::new(1, 2));
-        let length = |to, visits| shortest_length(&grid, a, to, &Counter::new(visits));
-        assert_eq!([b, a].map(|to| length(to, 1000)), [Some(4.0), Some(0.0)]);
-        assert_eq!((length(Cell::new(0, 4), 1000), length(b, 3)), (None, None));
-    }
+    use crate::map::parse_map;
 
     #[test]
     fn a_cell_that_does_not_fit_is_named_as_in_the_file() {
         let map = parse_map("map", b"#...\n....\n").expect("a map");
         let refused = |size: &str, cell: &str| {
             let file = format!("version 1\n0\tmap\t{size}\t{cell}\t3\t1\t2\n");
-            parse_scenario_bytes("file", file.as_bytes(), &map).expect_err("refused").to_string()
+            let scenario = Scenario::parse("file", file.as_bytes()).expect("a scenario");
+            scenario.tasks(&map).expect_err("refused").to_string()
         };
         assert!(refused("4\t2", "0\t0").contains("the start (0, 0) is a wall of map"));
         let scaled = refused("40\t20", "1\t1");

@@ -1,7 +1,31 @@
-//! Splits bytes into lines, with the checks that all formats share, and errors: what is wrong, where, and
-//! what is expected instead.
+//! Reads files, splits bytes into lines, with the checks that all formats share, and errors: what is
+//! wrong, where, and what is expected instead.
 
-use crate::text::{Excerpt, SourceLine, sanitized};
+use std::io::ErrorKind;
+use std::path::Path;
+
+use super::grid::{MAX_CELLS, size_limits};
+use crate::files;
+use crate::text::{Excerpt, SourceLine, line_and_column, sanitized};
+
+/// Size limit of a map or scenario file: room for the cells, line endings and a header.
+const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
+
+/// Reads a file that should contain a `kind`: a map, a scenario or an image.
+pub fn read_file(path: &Path, kind: &str) -> MapResult<Vec<u8>> {
+    files::read(path, MAX_BYTES).map_err(|error| {
+        let help = format!("give a {kind} file");
+        let (problem, help) = match (error.kind(), kind) {
+            (ErrorKind::IsADirectory, _) => ("is a directory".to_owned(), help),
+            (ErrorKind::FileTooLarge, "map") => {
+                ("is too large for a map".to_owned(), size_limits())
+            }
+            (ErrorKind::FileTooLarge, _) => (format!("is too large for a {kind}"), help),
+            _ => (format!("cannot be read: {error}"), help),
+        };
+        MapError::whole_file(&path.to_string_lossy(), problem, help)
+    })
+}
 
 /// A place in a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,16 +54,9 @@ impl<'a> Text<'a> {
         }
         let source = std::str::from_utf8(bytes)
             .map_err(|e| not_text(file, bytes, e.valid_up_to(), "a byte that is not UTF-8"))?;
-        if !source.contains('\n') && source.trim_end_matches('\r').contains('\r') {
-            let help = "write it with other line ends: tr '\\r' '\\n' < FILE > NEW";
-            return Err(MapError::whole_file(
-                file,
-                "its lines end in CR alone, as on old Macs",
-                help,
-            ));
-        }
+        let ends = if source.contains('\n') { '\n' } else { '\r' };
         let mut lines: Vec<&str> =
-            source.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
+            source.split(ends).map(|line| line.strip_suffix('\r').unwrap_or(line)).collect();
         while lines.last().is_some_and(|l| l.is_empty()) {
             lines.pop();
         }
@@ -51,6 +68,12 @@ impl<'a> Text<'a> {
             ));
         }
         Ok(Self { file, source, lines })
+    }
+
+    /// Returns the place of a byte.
+    pub fn place_of(&self, byte: usize) -> Place {
+        let (line, column) = line_and_column(self.source, byte);
+        Place { line: line - 1, column: column - 1 }
     }
 
     /// Creates an error at `columns` of line `line`, both from 0; a line past the end is shown as

@@ -48,7 +48,6 @@ pub struct DataSource {
     pub episodes: usize,
 }
 
-/// Episodes of recorded transitions.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     source: DataSource,
@@ -247,22 +246,19 @@ fn checksum(
 ) -> Result<(u32, Option<FileFacts>), DataError> {
     let facts = FileFacts::of(path);
     let all = facts.map_or(0, |facts| facts.bytes as usize);
-    let tell = |bytes| progress.set(bytes as usize, parts * all);
-    let read = files::open(path).and_then(|file| checksum_of(file, tell));
+    let read = || -> io::Result<u32> {
+        let (mut file, mut crc, mut done) = (files::open(path)?, CrcWriter::new(io::sink()), 0);
+        loop {
+            progress.set(done as usize, parts * all);
+            match io::copy(&mut (&mut file).take(CHUNK), &mut crc)? {
+                0 => return Ok(crc.crc().sum()),
+                read => done += read,
+            }
+        }
+    };
     let help = "give --data FILE if they are elsewhere";
     let unread = |error| unfit(path, format!("the data cannot be read: {error}: {help}"));
-    Ok((read.map_err(unread)?, facts))
-}
-
-fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> io::Result<u32> {
-    let (mut crc, mut done) = (CrcWriter::new(io::sink()), 0);
-    loop {
-        tell(done);
-        match io::copy(&mut bytes.by_ref().take(CHUNK), &mut crc)? {
-            0 => return Ok(crc.crc().sum()),
-            read => done += read,
-        }
-    }
+    Ok((read().map_err(unread)?, facts))
 }
 
 fn check(

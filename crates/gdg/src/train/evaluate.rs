@@ -19,7 +19,6 @@ use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
 use tasks::{Actor, run_tasks};
 
-/// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
     pub(super) world: Box<dyn Environment>,
     pub(super) policy: Arc<dyn Policy>,
@@ -93,9 +92,8 @@ impl EvaluationJob {
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
         let distance_error = truth.as_mut().and_then(|truth| {
             let pairs = truth.pairs(rng);
-            distance_error(&pairs, truth.is_in_steps(), &*self.policy, graph.as_ref())
+            distance_error(&pairs, &*self.policy, graph.as_ref())
         });
-        let mut truth = truth.filter(|truth| truth.is_in_steps());
         Ok(Some(Evaluation {
             distance_error,
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
@@ -173,7 +171,6 @@ impl EvaluationJob {
     }
 }
 
-/// The plan for a task, and the walk that followed it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskWalk {
     /// Waypoints of the plan made at the start, ending with the goal, each `(goal_dim)`; none if
@@ -235,11 +232,9 @@ fn marked_task(
     Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
 }
 
-/// Compares D, and D along `graph`, with ground truth, which is `in_steps` or proportional to
-/// them; returns `None` if there are no pairs.
+/// Compares D, and D along `graph`, with ground truth; returns `None` if there are no pairs.
 fn distance_error(
     groups: &[TruePairs],
-    in_steps: bool,
     policy: &dyn Policy,
     graph: Option<&BridgeGraph>,
 ) -> Option<DistanceError> {
@@ -259,17 +254,13 @@ fn distance_error(
             ));
         }
     }
-    let mut truth: Vec<f64> =
+    let truth: Vec<f64> =
         groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
     let states: Vec<f32> = groups.iter().flat_map(|group| &group.states).copied().collect();
     let goals: Vec<f32> =
         groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
     let mut learned = vec![0.0; truth.len()];
     policy.distances(&states, &goals, &mut learned, &mut scratch);
-    if !in_steps {
-        let steps = median(learned.iter().zip(&truth).map(|(d, t)| f64::from(*d) / t).collect())?;
-        truth.iter_mut().for_each(|t| *t *= steps);
-    }
     let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
     // Relative errors of `distances`: over pairs drawn at random, and over pairs within
@@ -297,12 +288,6 @@ fn distance_error(
     let ComposedError { mape, near_mape, bias } = errors(&learned);
     let graph = graph.map(|_| errors(&composed));
     Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
-}
-
-fn median(mut numbers: Vec<f64>) -> Option<f64> {
-    let middle = numbers.len() / 2;
-    numbers.sort_by(f64::total_cmp);
-    numbers.get(middle).copied().filter(|number| *number > 0.0 && number.is_finite())
 }
 
 fn max_true_distance(length: f32) -> f32 {

@@ -39,7 +39,7 @@ impl Visits {
     pub fn scene(&self, world: &dyn Environment) -> Scene {
         match world.abilities().drawn {
             Some(drawn) => drawn.scene(&self.0),
-            None => Scene::Goals(Box::new(GoalSpace::of(world))),
+            None => Scene::Goals(Box::new(GoalSpace::of(world, None))),
         }
     }
 

@@ -109,46 +109,43 @@ fn distances_lengthened_by_new_walls_are_relearned_quickly() {
         let policy = run.policy().unwrap();
         policy.distance(&[8.5, 7.9], &[12.5, 7.9], &mut Scratch::default())
     };
-    let after = |greedy_targets: bool, expectile: f32| {
-        let mut settings = settings();
-        (settings.learn.greedy_targets, settings.learn.expectile) = (greedy_targets, expectile);
-        let mut run = trainer(settings, 13, 2);
-        train_to(&mut run, 3_000);
-        let before = through_the_door(&run);
-        assert!(before < 6.0, "4 steps through the open door, learned as {before}");
-        change_map(&mut run, &door_above()).unwrap();
-        train_to(&mut run, 4_000);
-        through_the_door(&run)
-    };
-    let (soon, late) = (after(true, 0.5), after(false, 0.95));
+    let mut run = trainer(settings(), 13, 2);
+    train_to(&mut run, 3_000);
+    let before = through_the_door(&run);
+    assert!(before < 6.0, "4 steps through the open door, learned as {before}");
+    change_map(&mut run, &door_above()).unwrap();
+    train_to(&mut run, 4_000);
     // Through the new door it takes 18 steps.
-    assert!(
-        soon > 9.0 && soon > 1.1 * late,
-        "{soon} after a thousand updates, {late} by behaviour and an expectile"
-    );
+    let soon = through_the_door(&run);
+    assert!(soon > 9.0, "{soon} after a thousand updates");
 }
 
 #[test]
-fn two_walled_cells_in_one_room_leave_the_distances_of_the_other_alone() {
-    let mut run = trainer(settings(), 15, 2);
-    train_to(&mut run, 3_000);
-    let places: Vec<[f32; 2]> =
-        (0..20).map(|i| [12.5 + (i * 3 % 8) as f32, 0.5 + (i * 7 % 11) as f32]).collect();
-    let distances = |run: &Trainer| -> Vec<f32> {
-        let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
-        let pairs = places
-            .iter()
-            .flat_map(|from| places.iter().map(move |to| (from, to)))
-            .filter(|(a, b)| a != b);
-        pairs.map(|(from, to)| policy.distance(from, to, &mut scratch)).collect()
-    };
-    let before = distances(&run);
-    let map =
-        map_of(&run).with_cells([(Cell::new(4, 4), false), (Cell::new(5, 4), false)]).unwrap();
-    change_map(&mut run, &Arc::new(map)).unwrap();
-    train_to(&mut run, 4_000);
-    let after = distances(&run);
-    let growth: f32 = after.iter().zip(&before).map(|(after, before)| after - before).sum::<f32>();
-    let growth = growth / before.iter().sum::<f32>();
-    assert!(growth < 0.1, "distances in the other room have grown by a factor of {growth}");
+fn the_film_shows_distances_growing_with_what_is_learned_and_goes_on_in_an_edited_world() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 700);
+    let frames = run.film().frames();
+    assert_eq!(frames.iter().map(|frame| frame.updates).collect::<Vec<_>>(), [1, 250, 500]);
+    assert!(frames.windows(2).all(|pair| pair[0].env_steps < pair[1].env_steps));
+    let map = map_of(&run).clone();
+    let goal = [frames[2].goal[0] as usize, frames[2].goal[1] as usize];
+    for frame in frames.iter() {
+        assert_eq!((frame.goal.len(), frame.agents.len()), (2, 2 * run.rollout().agents().len()));
+        let known = (0..frame.places()).filter(|place| frame.distance(*place).is_finite());
+        assert_eq!(known.count(), map.free_count(), "all free cells of a small map");
+        assert!(frame.farthest() >= 1.0);
+    }
+    let at_goal = goal[1] * map.width() + goal[0];
+    let [before, now] = [0, 2].map(|i| frames[i].distance(at_goal) / frames[i].farthest());
+    assert!(now < before, "D is shorter near the goal: {now} after {before}");
+    // An edited world.
+    let walled = map.free_cells().nth(3).unwrap();
+    let edited = Arc::new(map.with_cells([(walled, false)]).unwrap());
+    run.change_world(&PointMaze::new(edited.clone(), 0)).unwrap();
+    train_to(&mut run, 750);
+    let frames = run.film().frames();
+    assert_eq!(frames.len(), 4);
+    let place = edited.index(walled);
+    assert!(frames[2].distance(place).is_finite() && frames[3].distance(place).is_nan());
+    assert_eq!(frames[2].goal, frames[3].goal);
 }

@@ -31,33 +31,16 @@ fn from_one_start_everything_is_explored() {
 
 #[test]
 fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
-    let map = perfect_maze(25);
+    let map = random(RandomMapKind::Perfect, Some(25), 1);
+    let world = PointMaze::new(Arc::new(map.with_marks(vec![Cell::new(1, 1)], Vec::new())), 0);
     let explored = |frontier: Auto<f32>| {
         let mut settings = settings();
         settings.bridge.frontier_epsilon = frontier;
-        let mut run = trainer_on(&map, settings, 2, 2);
+        let mut run = crate::support::trainer(&world, "gdg-bridge", settings, 2, 2);
         train_to(&mut run, 2_000);
         run.coverage().unwrap()
     };
     let (with, without) = (explored(Auto::AUTO), explored(Auto::Given(0.0)));
     assert!(with > 0.95, "explored {with}");
     assert!(without < with - 0.2, "without excursions {without}");
-}
-
-#[test]
-fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
-    let mut settings = settings();
-    settings.bridge.frontier_epsilon = Auto::Given(1.0);
-    let mut run = trainer(settings, 5, 1);
-    while run.counters().env_steps < 640 {
-        run.tick().unwrap();
-    }
-    let goals = |run: &Trainer| -> Vec<Option<Vec<f32>>> {
-        (0..run.rollout().agents().len())
-            .map(|i| run.rollout().excursions().destination(i))
-            .collect()
-    };
-    let pursued = goals(&run);
-    assert!(pursued.iter().any(Option::is_some), "every goal begins with an excursion");
-    assert_eq!(goals(&resumed(&run, 1)), pursued);
 }

@@ -32,25 +32,6 @@ fn resumed_runs_continue_bitwise_whatever_their_settings() {
     }
 }
 
-#[test]
-fn a_checkpoint_is_packed_and_described_without_being_loaded() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut run = trainer(settings(), 5, 1);
-    train_to(&mut run, 120);
-    let evaluation = run.evaluate(&run.tasks(2).unwrap()).unwrap();
-    run.record_evaluation(Moment { updates: 100, ..run.moment() }, evaluation.clone());
-    let path = folder.path().join("some.safetensors");
-    train::save(&run, &SaveTo::CreateNew(path.clone())).unwrap();
-    let found = train::describe(&path).unwrap();
-    assert_eq!((found.updates, found.success), (120, Some(evaluation.success(100))));
-    assert_eq!((&found.run, found.title.as_str()), (run.run(), map_of(&run).name()));
-    let bytes = std::fs::read(path).unwrap();
-    assert_eq!(found.bytes, bytes.len() as u64);
-    let mut unpacked = 0;
-    train::with_changed_state(&bytes, |state| unpacked = state.len()).unwrap();
-    assert!(4 * bytes.len() < 3 * unpacked, "{} of {unpacked} bytes", bytes.len());
-}
-
 /// Whatever the state of a checkpoint says, it is refused or can be trained.
 #[test]
 fn forged_states_do_no_harm() {

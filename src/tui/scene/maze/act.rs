@@ -80,10 +80,6 @@ impl MazeState {
                 self.inspect(at, link);
             }
             Action::SaveMap => self.ask_file(screen),
-            Action::NewMap => self.ask_size(Question::NewMap, "size of the empty map", screen),
-            Action::ResizeMap => {
-                self.ask_size(Question::ResizeMap, "new size of the map", screen);
-            }
             _ => self.edit(action, screen, link),
         }
     }
@@ -125,11 +121,6 @@ impl MazeState {
         let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
         let hint = "NAME.map: Moving AI, without S and G; NAME.txt: plain text";
         screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
-    }
-
-    fn ask_size(&self, question: Question, title: &str, screen: &mut Screen) {
-        let now = format!("{} x {}", self.map.width(), self.map.height());
-        screen.open(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
     }
 
     fn random_cell(&self, link: &mut Link) -> Cell {
@@ -269,7 +260,7 @@ impl MazeState {
         // request.
         if let (Some(goal), number) = view.goal
             && screen.on_arrival == OnArrival::Visit
-            && number == link.goal_request()
+            && number == link.goal_request
         {
             self.goal = goal;
         }
@@ -280,7 +271,7 @@ impl MazeState {
     /// Warns if no path leads from the walking agent to the goal, once per goal and map.
     fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
         let view = &self.view;
-        let no_path = view.goal.1 == link.goal_request() && view.walk.shortest.is_none();
+        let no_path = view.goal.1 == link.goal_request && view.walk.shortest.is_none();
         let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
             *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
         };

@@ -80,7 +80,7 @@ impl MazeState {
 
     fn on_click(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
         self.hovered = None;
-        screen.on_first_use();
+        screen.explains = false;
         if self.goal != cell {
             self.set_goal_by_click(cell, screen, link);
         }

@@ -51,85 +51,57 @@ pub const BASE: DVec3 = DVec3::new(
     0.3774 + 0.001_256_316_149_437_5 + 2.99e-7,
 );
 
-/// The joints from shoulder to wrist. All frames are unrotated at angle 0.
+/// A joint like most: with these limits, and angle and velocity at reset.
+const fn joint(
+    offset: [f64; 3],
+    axis: usize,
+    limits: Option<Limits>,
+    [angle, velocity]: [f64; 2],
+) -> Joint {
+    let offset = DVec3::from_array(offset);
+    Joint { offset, axis, limits, damping: 50.0, armature: 1.0, stiffness: 0.0, angle, velocity }
+}
+
+/// The joints from shoulder to wrist: shoulder pan and lift, upper arm roll, elbow flex, forearm
+/// roll, wrist flex and roll. All frames are unrotated at angle 0.
 pub static CHAIN: [Joint; JOINTS] = [
-    // shoulder_pan
+    joint(
+        [0.1195, 0.0, 0.3486],
+        2,
+        Some(limits(-1.6056, 1.6056, 0.073_663_7)),
+        [0.009_951_729_242_092_283, 0.000_744_489_074_071_289],
+    ),
+    joint(
+        [0.117, 0.0, 0.06],
+        1,
+        Some(limits(-1.221, 1.518, 0.340_356_1)),
+        [-0.825_638_558_758_470_7, 0.006_471_044_304_460_587],
+    ),
+    joint([0.219, 0.0, 0.0], 0, None, [-0.003_624_848_935_952_178, -0.001_390_179_209_535_696_2]),
+    joint(
+        [0.133, 0.0, 0.0],
+        1,
+        Some(limits(-2.251, 2.251, 0.682_978_3)),
+        [1.443_894_685_857_816_3, -0.002_199_885_113_987_556_3],
+    ),
     Joint {
-        offset: DVec3::new(0.1195, 0.0, 0.3486),
-        axis: 2,
-        limits: Some(limits(-1.6056, 1.6056, 0.073_663_7)),
-        damping: 50.0,
-        armature: 1.0,
-        stiffness: 0.0,
-        angle: 0.009_951_729_242_092_283,
-        velocity: 0.000_744_489_074_071_289,
-    },
-    // shoulder_lift
-    Joint {
-        offset: DVec3::new(0.117, 0.0, 0.06),
-        axis: 1,
-        limits: Some(limits(-1.221, 1.518, 0.340_356_1)),
-        damping: 50.0,
-        armature: 1.0,
-        stiffness: 0.0,
-        angle: -0.825_638_558_758_470_7,
-        velocity: 0.006_471_044_304_460_587,
-    },
-    // upperarm_roll
-    Joint {
-        offset: DVec3::new(0.219, 0.0, 0.0),
-        axis: 0,
-        limits: None,
-        damping: 50.0,
-        armature: 1.0,
-        stiffness: 0.0,
-        angle: -0.003_624_848_935_952_178,
-        velocity: -0.001_390_179_209_535_696_2,
-    },
-    // elbow_flex
-    Joint {
-        offset: DVec3::new(0.133, 0.0, 0.0),
-        axis: 1,
-        limits: Some(limits(-2.251, 2.251, 0.682_978_3)),
-        damping: 50.0,
-        armature: 1.0,
-        stiffness: 0.0,
-        angle: 1.443_894_685_857_816_3,
-        velocity: -0.002_199_885_113_987_556_3,
-    },
-    // forearm_roll
-    Joint {
-        offset: DVec3::new(0.197, 0.0, 0.0),
-        axis: 0,
-        limits: None,
         damping: 3.5247,
         armature: 2.7538,
         stiffness: 10.0,
-        angle: 0.003_059_309_078_914_222,
-        velocity: 0.001_102_948_856_307_666_1,
+        ..joint(
+            [0.197, 0.0, 0.0],
+            0,
+            None,
+            [0.003_059_309_078_914_222, 0.001_102_948_856_307_666_1],
+        )
     },
-    // wrist_flex
-    Joint {
-        offset: DVec3::new(0.1245, 0.0, 0.0),
-        axis: 1,
-        limits: Some(limits(-2.16, 2.16, 0.809_459_6)),
-        damping: 50.0,
-        armature: 1.0,
-        stiffness: 0.0,
-        angle: 0.953_218_534_161_562_1,
-        velocity: -0.001_160_167_755_615_268_4,
-    },
-    // wrist_roll
-    Joint {
-        offset: DVec3::new(0.1385, 0.0, 0.0),
-        axis: 0,
-        limits: None,
-        damping: 50.0,
-        armature: 1.0,
-        stiffness: 0.0,
-        angle: 0.005_519_638_183_732_647_5,
-        velocity: -0.000_928_528_151_623_920_9,
-    },
+    joint(
+        [0.1245, 0.0, 0.0],
+        1,
+        Some(limits(-2.16, 2.16, 0.809_459_6)),
+        [0.953_218_534_161_562_1, -0.001_160_167_755_615_268_4],
+    ),
+    joint([0.1385, 0.0, 0.0], 0, None, [0.005_519_638_183_732_647_5, -0.000_928_528_151_623_920_9]),
 ];
 
 /// From the last joint to `gripper_link`, in metres.
@@ -362,35 +334,5 @@ impl Frames {
             .zip(velocities)
             .map(|(column, v)| *column * *v)
             .sum()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The grip site after the reference's reset, in metres.
-    const RESET_GRIP: DVec3 = DVec3::new(1.341_834_75, 0.749_101_03, 0.534_725_18);
-
-    #[test]
-    fn the_joints_at_reset_put_the_grip_where_the_reference_has_it() {
-        let off = Frames::new(&CHAIN.each_ref().map(|joint| joint.angle)).grip() - RESET_GRIP;
-        assert!(off.abs().max_element() < 1e-6, "{off}");
-    }
-
-    #[test]
-    fn jacobians_are_the_derivatives_of_positions() {
-        let angles: Joints = std::array::from_fn(|i| 0.4 * (i as f64 - 3.0));
-        let frames = Frames::new(&angles);
-        let jacobian = frames.jacobian(JOINTS - 1, frames.grip());
-        for i in 0..JOINTS {
-            let grip_at = |by: f64| {
-                let mut moved = angles;
-                moved[i] += by;
-                Frames::new(&moved).grip()
-            };
-            let difference = (grip_at(1e-6) - grip_at(-1e-6)) / 2e-6;
-            assert!(difference.abs_diff_eq(jacobian[i], 1e-9), "joint {i}: {difference}");
-        }
     }
 }

@@ -137,7 +137,8 @@ impl FetchReach {
             let pull = ((to - arm.frames().grip()) * GAIN).clamp(DVec3::NEG_ONE, DVec3::ONE);
             arm.step(pull, &mut self.rows);
         }
-        self.set_full_state(agent, &arm.full_state());
+        self.arms[agent] = arm;
+        self.observe(agent);
     }
 }
 
@@ -234,15 +235,8 @@ mod tests {
             let grip = links[links.len() - 1][1];
             let observed = std::array::from_fn(|i| world.states()[i]);
             assert!(distance(grip, observed) < 1e-3, "{grip:?} is not {observed:?}");
-            let lengths: Vec<f32> = links.iter().map(|[from, to]| distance(*from, *to)).collect();
-            // From shoulder_lift on, the offsets of the chain along x.
-            for (length, offset) in
-                lengths[2..].iter().zip([0.219, 0.133, 0.197, 0.1245, 0.1385, 0.1664, 0.02])
-            {
-                assert!((length - offset).abs() < 1e-5, "{length} is not {offset}");
-            }
             let action: [f32; 4] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
-            world.step(&action, &mut rng);
+            world.step(&action, &mut rng).expect("an arm");
         }
     }
 

@@ -67,29 +67,11 @@ fn out_of_range_full_states_give_a_finite_arm() {
     for case in 0..200 {
         let size = if case % 2 == 0 { 1e300 } else { 30.0 };
         let full: Vec<f64> = (0..FULL_STATE).map(|_| rng.random_range(-1.0..1.0) * size).collect();
-        world.set_full_state(0, &full);
+        world.set_full_state(0, &full).expect("an arm");
         for _ in 0..20 {
-            world.step(&[1.0, -1.0, f32::MAX, 0.0], &mut rng);
+            world.step(&[1.0, -1.0, f32::MAX, 0.0], &mut rng).expect("an arm");
             assert!(world.states().iter().all(|v| v.is_finite()), "{full:?}");
             assert!(world.full_state(0).iter().all(|v| v.is_finite()), "{full:?}");
         }
-    }
-}
-
-#[test]
-fn a_full_state_continues_bitwise() {
-    let (mut world, mut rng) = (FetchReach::new(3), rng(5));
-    for step in 0..120 {
-        // Held pulls lead to limits and table, where the warm start matters.
-        let actions: Vec<f32> =
-            (0..12).map(|i| if (i + step / 20) % 3 == 0 { 1.0 } else { -1.0 }).collect();
-        let mut other = world.fork(3).expect("it never fails");
-        for agent in 0..3 {
-            other.set_full_state(agent, &world.full_state(agent)).expect("it never fails");
-        }
-        assert_eq!(world.states(), other.states());
-        world.step(&actions, &mut rng);
-        other.step(&actions, &mut rng).expect("it never fails");
-        assert!((0..3).all(|i| world.full_state(i) == other.full_state(i)), "step {step}");
     }
 }

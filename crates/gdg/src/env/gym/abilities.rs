@@ -8,10 +8,9 @@ use serde_json::{Map, Value, json};
 
 use super::pool::Pool;
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
-use crate::env::walls::WallsTruth;
 use crate::env::{
-    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, GroundTruth, Recorded,
-    Rendered, Rendering, Scene, Task, TaskSet,
+    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Rendered,
+    Rendering, Scene, Task, TaskSet,
 };
 use crate::store::Store;
 
@@ -108,7 +107,7 @@ impl Explored for Gym {
 
 impl Drawn for Gym {
     fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
-        Scene::Goals(Box::new(GoalSpace::of(self).with_walls(self.maze().cloned())))
+        Scene::Goals(Box::new(GoalSpace::of(self, self.maze())))
     }
 }
 
@@ -156,11 +155,5 @@ impl Evaluated for Gym {
 
     fn tasks_at_once(&self) -> usize {
         TASKS_AT_ONCE
-    }
-
-    /// Returns distances along the walls of its maze, if it has one.
-    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
-        let truth = WallsTruth::new(self.maze()?, self.spec())?;
-        Some(Box::new(truth) as _)
     }
 }

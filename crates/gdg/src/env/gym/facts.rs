@@ -5,10 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::GymOptions;
-use super::messages::Description;
-use super::process::Worker;
-use super::requests::Begun;
+use super::worker::{Description, Worker};
 use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
@@ -49,9 +46,6 @@ const POSITIONS_RADII: f32 = 12.0;
 
 /// A goal radius spans at least this many steps of single precision.
 const LEAST_RESOLVED: f32 = 16.0;
-
-/// Radii along different axes that differ by more than this share are not those of a ball.
-const BALL_TOLERANCE: f64 = 0.05;
 
 /// What has been found out. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -120,35 +114,35 @@ pub struct Seen {
     pub walks: Vec<Vec<Vec<f32>>>,
 }
 
-/// Finds out what the learner needs.
+/// Finds out what the learner needs. `goal` and `radius` may be given: the components of the
+/// observation that are the goal, and the distance below which one is reached.
 pub fn find(
     worker: &mut Worker,
     about: &Description,
-    options: &GymOptions,
+    goal: Option<&[usize]>,
+    radius: Option<f32>,
 ) -> Result<Found, EnvError> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut seen = Seen::default();
     for i in 0..RESETS {
         let task = about.tasks.map(|tasks| 1 + i as u32 % tasks);
-        let Begun { row, goal } = worker.reset(about, 0, rng.random(), task)?;
+        let (row, goal) = worker.reset(about, 0, rng.random(), task)?;
         seen.starts.push(row);
         seen.goals.push(goal);
     }
     for _ in 0..WALKS {
-        let rows = walk(worker, about, &mut rng)?;
-        seen.walks.push(rows);
+        seen.walks.push(walk(worker, about, &mut rng)?);
     }
-    let (columns, achieved, goal_columns) =
-        columns(&seen, about, options.goal.as_deref()).map_err(|why| worker.fail(why))?;
-    let radius = match options.goal_radius.or(about.goal_radius) {
-        Some(radius) => radius,
-        None => asked_radius(worker, about, &seen)?,
+    let columns = columns(&seen, about, goal).map_err(|why| worker.fail(why))?;
+    let Some(radius) = radius.or(about.goal_radius) else {
+        let problem = "does not say when a goal is reached: give --goal-radius".to_owned();
+        return Err(worker.fail(problem));
     };
-    let found = scales(&seen, about, (columns, achieved, goal_columns), radius);
-    if let Some(why) = too_fine(&found.spec) {
-        return Err(worker.fail(why));
+    let found = scales(&seen, about, columns, radius);
+    match too_fine(&found.spec) {
+        None => Ok(found),
+        Some(why) => Err(worker.fail(why)),
     }
-    Ok(found)
 }
 
 /// Says why single precision is too coarse for the goals, if it is.
@@ -171,7 +165,7 @@ fn walk(
     about: &Description,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<Vec<f32>>, EnvError> {
-    let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.row];
+    let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.0];
     let mut action = vec![0.0; about.low.len()];
     for i in 0..about.episode_steps().map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
         if i == 0 || rng.random::<f32>() < 1.0 / HOLD_STEPS {
@@ -317,57 +311,6 @@ fn share(mut numbers: Vec<f32>, tail: f64) -> [f32; 2] {
     [at(tail), at(1.0 - tail)].map(Option::unwrap_or_default)
 }
 
-/// Finds the goal radius by asking for rewards: how far along each axis a goal may be from what is
-/// achieved until the reward changes.
-fn asked_radius(worker: &mut Worker, about: &Description, seen: &Seen) -> Result<f32, EnvError> {
-    let unknown = "does not say when a goal is reached: give --goal-radius";
-    let goal: Vec<f64> = seen.goals[0].iter().map(|v| f64::from(*v)).collect();
-    if !about.has_reward || about.achieved == 0 {
-        return Err(worker.fail(unknown.to_owned()));
-    }
-    let radii = (0..goal.len()).map(|axis| {
-        let mut differs = |distance: f64| {
-            let mut desired = goal.clone();
-            desired[axis] += distance;
-            worker.rewards([&goal, &goal], [&goal, &desired]).map(|r| r[0] != r[1])
-        };
-        radius_along(&mut differs)
-    });
-    let radii: Vec<Option<f64>> = radii.collect::<Result<_, EnvError>>()?;
-    ball(&radii).map(|radius| radius as f32).ok_or_else(|| worker.fail(unknown.to_owned()))
-}
-
-/// Returns the distance from which on rewards differ from that of a reached goal; `None` if they do
-/// at any distance, or at none.
-fn radius_along<E>(differs: &mut impl FnMut(f64) -> Result<bool, E>) -> Result<Option<f64>, E> {
-    const SMALLEST: f64 = 1e-6;
-    const LARGEST: f64 = 1e6;
-    let (mut within, mut beyond) = (SMALLEST, SMALLEST);
-    if differs(within)? {
-        return Ok(None);
-    }
-    while !differs(beyond)? {
-        within = beyond;
-        beyond *= 2.0;
-        if beyond > LARGEST {
-            return Ok(None);
-        }
-    }
-    for _ in 0..30 {
-        let middle = 0.5 * (within + beyond);
-        if differs(middle)? { beyond = middle } else { within = middle }
-    }
-    Ok(Some(0.5 * (within + beyond)))
-}
-
-/// Returns the radius of a ball with these radii along the axes, if it is one.
-fn ball(radii: &[Option<f64>]) -> Option<f64> {
-    let radii: Vec<f64> = radii.iter().copied().collect::<Option<_>>()?;
-    let least = radii.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = radii.iter().copied().fold(0.0, f64::max);
-    (most <= (1.0 + BALL_TOLERANCE) * least).then_some(0.5 * (least + most))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -384,7 +327,6 @@ mod tests {
             time_limit: None,
             tasks: None,
             goal_radius: None,
-            has_reward: false,
             maze: None,
             renders: false,
             versions: std::collections::BTreeMap::new(),
@@ -424,10 +366,7 @@ mod tests {
         ] {
             assert!(columns(&seen, &about, Some(&[given])).is_err_and(|found| found.contains(why)));
         }
-    }
-
-    #[test]
-    fn what_is_achieved_but_never_changed_is_not_looked_for_in_the_observation() {
+        // What never changed is not looked for in the observation.
         let rows: Vec<Vec<f32>> = (0..9).map(|i| vec![f32::from(i as u8), 0.0, 0.0]).collect();
         let still = Seen { starts: rows, ..Seen::default() };
         let found = columns(&still, &description(2, 1, 1), None);
@@ -480,20 +419,5 @@ mod tests {
         widen(&mut spec);
         assert_eq!((spec.state_half_range[2], spec.change_scale[2]), (MARGIN * 4.0, 0.2));
         assert_eq!(spec.scaled(4, 1e3), MOST_HALF_RANGES, "far outside of what was seen");
-    }
-
-    #[test]
-    fn a_radius_is_where_the_reward_changes_if_it_does_so_once() {
-        let asked = |radius: f64| {
-            radius_along(&mut |distance: f64| Ok::<_, ()>(distance >= radius)).expect("no error")
-        };
-        for radius in [1e-3, 0.45, 700.0] {
-            assert!(asked(radius).is_some_and(|found| (found / radius - 1.0).abs() < 1e-6));
-        }
-        assert_eq!(asked(0.0), None, "it changes at any distance");
-        assert_eq!(asked(1e9), None, "it never changes");
-        assert_eq!(ball(&[Some(0.5), Some(0.5)]), Some(0.5));
-        assert_eq!(ball(&[Some(0.5), Some(0.7)]), None, "it is no ball");
-        assert_eq!(ball(&[Some(0.5), None]), None);
     }
 }

@@ -6,6 +6,7 @@ in bytes, both u32, and that many bytes: f64 numbers, unless stated otherwise, a
 Each request gets one reply: OK with what was asked for, or FAILED with JSON that says why.
 """
 
+import atexit
 import importlib
 import json
 import os
@@ -14,11 +15,12 @@ import select
 import signal
 import struct
 import sys
+import threading
 import time
 import traceback
 
 OK, FAILED = 0, 1
-OPEN, MAKE, RESET, STEP, REWARD, PICTURE = range(1, 7)
+OPEN, MAKE, RESET, STEP, PICTURE = range(1, 6)
 
 # Modules that register well-known environments, for IDs without a package.
 KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
@@ -32,6 +34,9 @@ MAX_TEXT = 4000
 # Bounds of actions beyond this are none.
 LARGEST_BOUND = 1e9
 
+# When Gymnasium-Robotics' mazes count a goal as reached: the number is within their code.
+MAZE_RADIUS = 0.45
+
 # How long an environment may go on once the program has ended, or has given it up.
 CLOSING_SECONDS = 0.5
 
@@ -43,71 +48,22 @@ class Unsupported(Exception):
 def begin():
     """Leaves the terminal, and keeps the channel from processes that environments fork."""
     os.setsid()
-    # If the program was started with it ignored, nothing would show how children end.
-    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    be_watched_over()
+    threading.Thread(target=watch, daemon=True).start()
+    # At the very end, what environments have started and not ended.
+    atexit.register(lambda: os.getpid() == worker and os.killpg(0, signal.SIGKILL))
     nothing = os.open(os.devnull, os.O_RDWR)
     cut = lambda: os.dup2(nothing, channel.fileno(), inheritable=False)
     os.register_at_fork(after_in_child=cut)
 
 
-def be_watched_over():
-    """Starts a process that ends this one, and all that it has started, once the program has ended
-    or has given it up, however that was.
-
-    Nothing else runs there: whatever hangs or crashes here does not keep it from that. It is no
-    child of this process, as an environment may wait for its children, or end them.
-    """
-    worker = os.getpid()
-    child = os.fork()
-    if child:
-        os.waitpid(child, 0)
-        return
-    os.setsid()
-    if os.fork():
-        os._exit(0)
-    for output in (1, 2):
-        os.dup2(0, output)
+def watch():
+    """Ends this process, and all of its group that it has started, half a second after the program
+    has ended or has given it up, however that was."""
     hang_up = select.poll()
     hang_up.register(channel.fileno(), 0)
     hang_up.poll()
-    try:
-        began = time.monotonic()
-        while time.monotonic() - began < CLOSING_SECONDS:
-            os.kill(worker, 0)
-            time.sleep(0.01)
-    except OSError:  # It has ended by itself.
-        pass
-    end_session(worker)
-    os._exit(0)
-
-
-def end_session(leader):
-    """Ends all processes of a session, also those in process groups of their own."""
-    try:
-        os.killpg(leader, signal.SIGKILL)
-    except OSError:  # Nothing of that group is left.
-        pass
-    ended = set()
-    while found := session(leader) - ended:
-        for process in found:
-            try:
-                os.kill(process, signal.SIGKILL)
-            except OSError:  # It has ended by itself.
-                pass
-        ended |= found
-
-
-def session(leader):
-    """Returns the processes of a session, where the system lists processes in /proc."""
-    found = set()
-    for name in os.listdir("/proc") if os.path.isdir("/proc") else ():
-        try:
-            if name.isdigit() and os.getsid(int(name)) == leader:
-                found.add(int(name))
-        except OSError:  # It has ended.
-            pass
-    return found
+    time.sleep(CLOSING_SECONDS)
+    os.killpg(0, signal.SIGKILL)
 
 
 def close_all():
@@ -243,33 +199,12 @@ def reset(slot, seed, task=-1):
     # OGBench draws actions from it.
     slot.env.unwrapped.action_space.seed(seed)
     slot.ended = False
-    try:
-        begun = slot.env.reset(seed=seed, options=None if task < 0 else {"task_id": task})
-    except TypeError as error:
-        if "reset() got an unexpected keyword argument" in str(error):
-            raise Unsupported(
-                "its reset takes no seed or options, as in the old gym: change it to"
-                " reset(self, *, seed=None, options=None) of Gymnasium"
-            ) from error
-        raise
-    if not isinstance(begun, tuple) or len(begun) != 2:
-        raise Unsupported(
-            "its reset returns no info, as in the old gym: change it to return observation, info"
-        )
-    return begun
+    return slot.env.reset(seed=seed, options=None if task < 0 else {"task_id": task})
 
 
 def step(slot, action):
     """Steps an environment and returns what it observes."""
-    try:
-        observation, _, terminated, truncated, _ = slot.env.step(action)
-    except ValueError as error:  # Of wrappers, too.
-        if "values to unpack (expected 5" not in str(error):
-            raise
-        raise Unsupported(
-            "its step does not return five values, as in the old gym: change it to return"
-            " observation, reward, terminated, truncated, info"
-        ) from error
+    observation, _, terminated, truncated, _ = slot.env.step(action)
     slot.ended = bool(terminated or truncated)
     return observation
 
@@ -322,6 +257,8 @@ def open_environment(body):
 def describe(slot, package):
     actions, own = slot.env.action_space, slot.env.unwrapped
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
+    if radius is None and type(own).__module__.startswith("gymnasium_robotics.envs.maze"):
+        radius = MAZE_RADIUS
     says_radius = isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
     limit = gym.spec(slot.env.spec.id).max_episode_steps
     return {
@@ -333,7 +270,6 @@ def describe(slot, package):
         "time_limit": None if limit is None else int(limit),
         "tasks": None if goals.in_observation else getattr(own, "num_tasks", None),
         "goal_radius": float(radius) if says_radius else None,
-        "has_reward": hasattr(own, "compute_reward"),
         "maze": find_maze(own),
         "renders": "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
         "versions": versions(package),
@@ -383,20 +319,6 @@ def make_all(body):
     while len(slots) < count:
         slots.append(Slot())
     return ()
-
-
-def reward(body):
-    """Returns the reward for pairs of achieved and desired goals."""
-    achieved, desired = numbers(body).reshape(2, -1, goals.goal)
-    own = slots[0].env.unwrapped
-    try:
-        return [float(np.asarray(own.compute_reward(a, d, {}))) for a, d in zip(achieved, desired)]
-    except Exception as error:
-        traceback.print_exc()
-        raise Unsupported(
-            f"its compute_reward does not say when a goal is reached: give --goal-radius; it"
-            f" raised {said(error)}"
-        ) from error
 
 
 def show_goal(own, goal):
@@ -472,7 +394,6 @@ def serve():
         MAKE: make_all,
         RESET: reset_one,
         STEP: step_all,
-        REWARD: reward,
         PICTURE: picture,
     }
     while header := stream.read(8):
@@ -489,8 +410,8 @@ def serve():
 
 slots = []
 renders = False
-begin()
 worker = os.getpid()
+begin()
 try:
     serve()
 except OSError:  # The program has ended, or this is a process that the environment has forked.

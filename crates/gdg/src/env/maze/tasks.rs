@@ -1,13 +1,14 @@
-//! Evaluation tasks: pairs of cells at known distances, in the steps of a point, and OGBench's own.
+//! Evaluation tasks: pairs of cells at known distances, in the steps of a point, and OGBench's own; and
+//! the maze's true distances: the shortest paths of a point, by breadth-first search.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::full_state_at;
-use crate::env::{BUDGET_FACTOR, MAX_BUDGET_STEPS, Task, TaskSet};
-use crate::map::{
-    Cell, Diameter, Grid, Ogbench, PointFlood, PointSearch, ScenarioTask, UNREACHABLE,
+use crate::env::{
+    BUDGET_FACTOR, GroundTruth, MAX_BUDGET_STEPS, NEAR_STEPS, Task, TaskSet, TruePairs,
 };
+use crate::map::{Cell, Diameter, Grid, Ogbench, PointSearch, ScenarioTask, UNREACHABLE};
 
 /// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
@@ -70,12 +71,12 @@ pub fn at(
 /// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path
 /// length. Skips unsolvable tasks.
 pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
-    let mut flood = PointFlood::new(map);
+    let mut search = PointSearch::new(map);
     let count = (DISTANCE_GROUPS * per_group).clamp(1, scenario.len());
     let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
     let mut found: Vec<(u32, Cell, Cell)> = chosen
         .filter(|t| map.is_free(t.goal))
-        .map(|t| (steps(&mut flood, t.start, t.goal), t.start, t.goal))
+        .map(|t| (steps(&mut search, t.start, t.goal), t.start, t.goal))
         .filter(|(shortest, ..)| *shortest != UNREACHABLE)
         .collect();
     found.sort_by_key(|(shortest, ..)| *shortest);
@@ -97,13 +98,13 @@ pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) ->
 /// them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
-    let steps = steps(&mut PointFlood::new(map), start, goal);
+    let steps = steps(&mut PointSearch::new(map), start, goal);
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
 }
 
 /// Returns the steps from the middle of one cell to that of another.
-fn steps(flood: &mut PointFlood, start: Cell, goal: Cell) -> u32 {
-    flood.steps_to(goal.centre(), &[start.centre()])[0]
+fn steps(search: &mut PointSearch, start: Cell, goal: Cell) -> u32 {
+    search.steps_of(&[start.centre()], goal.centre())[0]
 }
 
 /// Returns the task from the map's first start, or else its first free cell, to the cell farthest
@@ -111,9 +112,9 @@ fn steps(flood: &mut PointFlood, start: Cell, goal: Cell) -> u32 {
 pub fn longest(map: &Grid) -> Task {
     let first = map.starts().first().copied().or_else(|| map.free_cells().next());
     let start = first.unwrap_or(Cell::new(0, 0));
-    let mut flood = PointFlood::new(map);
-    let goal = flood.farthest(start);
-    let steps = steps(&mut flood, start, goal);
+    let mut search = PointSearch::new(map);
+    let goal = search.farthest(start);
+    let steps = steps(&mut search, start, goal);
     task(start, goal, steps, 0)
 }
 
@@ -121,7 +122,7 @@ pub fn longest(map: &Grid) -> Task {
 struct Pairs<'a> {
     map: &'a Grid,
     cells: &'a [Cell],
-    flood: PointFlood,
+    search: PointSearch,
     /// No fewer steps than lead to each cell from any other, row-major.
     most: Vec<u32>,
 }
@@ -129,8 +130,8 @@ struct Pairs<'a> {
 impl<'a> Pairs<'a> {
     fn new(map: &'a Grid, cells: &'a [Cell], diameter: Diameter) -> Self {
         let mut most = vec![UNREACHABLE; map.free().len()];
+        let mut search = PointSearch::new(map);
         if let Some((middle, radius)) = diameter.middle {
-            let mut search = PointSearch::new(map);
             let steps = search.steps_to(middle.centre());
             // No way is longer than one through the middle, which is the goal radius farther away.
             let more = map.scale().goal_radius.ceil() as u32 + radius;
@@ -138,7 +139,7 @@ impl<'a> Pairs<'a> {
                 most[map.index(*cell)] = steps(cell.centre()).saturating_add(more);
             });
         }
-        Self { map, cells, flood: PointFlood::new(map), most }
+        Self { map, cells, search, most }
     }
 
     /// Draws a random pair of cells, start and goal, whose distance is within one step of
@@ -150,7 +151,7 @@ impl<'a> Pairs<'a> {
             if self.most[self.map.index(goal)] < distance - 1 {
                 continue;
             }
-            let fitting = self.flood.rings(goal, distance - 1..=distance + 1);
+            let fitting = self.search.rings(goal, distance - 1..=distance + 1);
             if !fitting.is_empty() {
                 let (start, steps) = fitting[rng.random_range(0..fitting.len())];
                 return Some((start, goal, steps));
@@ -164,7 +165,7 @@ impl Ogbench {
     /// Draws `per_task` starts and goals of each of its tasks, every task a group.
     pub(super) fn draw_tasks(self, map: &Grid, per_task: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         let mut set = TaskSet::default();
-        let mut flood = PointFlood::new(map);
+        let mut search = PointSearch::new(map);
         for (group, ends) in self.tasks().into_iter().enumerate() {
             let tasks: Vec<Task> = (0..per_task)
                 .map(|_| {
@@ -174,7 +175,7 @@ impl Ogbench {
                     });
                     // Of paths through teleports, no length is known.
                     let shortest =
-                        self.entries().is_empty().then(|| flood.steps_to(goal, &[start])[0]);
+                        self.entries().is_empty().then(|| search.steps_of(&[start], goal)[0]);
                     let shortest = shortest.filter(|steps| *steps != UNREACHABLE);
                     Task {
                         start: full_state_at(start).to_vec(),
@@ -209,6 +210,68 @@ impl Ogbench {
             [] => position,
             exits => Self::middle(exits[rng.random_range(0..exits.len())]),
         }
+    }
+}
+
+/// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
+const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
+
+/// True step distances on a map.
+pub struct MazeGroundTruth<'a> {
+    map: &'a Grid,
+    /// The cells that pairs are drawn from.
+    cells: &'a [Cell],
+    search: PointSearch,
+}
+
+impl<'a> MazeGroundTruth<'a> {
+    /// Creates the true distances of `map`; pairs are drawn from `cells`.
+    pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
+        Self { map, cells, search: PointSearch::new(map) }
+    }
+}
+
+/// Returns the position of a goal or a state.
+fn position(at: &[f32]) -> [f32; 2] {
+    [at[0], at[1]]
+}
+
+impl GroundTruth for MazeGroundTruth<'_> {
+    fn steps(&mut self, from: &[f32], goals: &[f32], longest: u32) -> Option<Vec<Option<u32>>> {
+        let from = position(from);
+        if !self.map.is_free_at(from[0], from[1]) {
+            return None;
+        }
+        let goals: Vec<[f32; 2]> = goals.chunks_exact(2).map(position).collect();
+        let steps = self.search.steps_from(from, &goals, longest).into_iter();
+        Some(steps.map(|steps| Some(steps).filter(|steps| *steps != UNREACHABLE)).collect())
+    }
+
+    fn pairs(&mut self, rng: &mut ChaCha8Rng) -> Vec<TruePairs> {
+        let Self { cells, search, .. } = self;
+        let (goals, starts, near_starts) = ERROR_PAIRS;
+        let mut draw = |count: usize| rng.random_range(0..count);
+        let of_goal = |_| {
+            let goal = cells[draw(cells.len())];
+            let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
+            let around = search.rings(goal, 1..=NEAR_STEPS);
+            let near =
+                (0..near_starts.min(around.len())).map(|_| (around[draw(around.len())].0, true));
+            let starts: Vec<(Cell, bool)> =
+                drawn.into_iter().map(|cell| (cell, false)).chain(near).collect();
+            let places: Vec<[f32; 2]> = starts.iter().map(|(cell, _)| cell.centre()).collect();
+            let steps = search.steps_of(&places, goal.centre());
+            let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
+            for ((cell, near), steps) in
+                starts.into_iter().zip(steps).filter(|(_, steps)| *steps > 0)
+            {
+                pairs.states.extend(cell.centre());
+                pairs.steps.push(steps);
+                pairs.near.push(near);
+            }
+            pairs
+        };
+        (0..goals).map(of_goal).collect()
     }
 }
 
@@ -302,5 +365,19 @@ mod tests {
         let set = from_scenario(&map, &scenario, 1);
         assert_eq!(set.tasks.len(), 1);
         assert_eq!(set.tasks[0].shortest, Some(1));
+    }
+
+    #[test]
+    fn a_goal_behind_a_corner_is_reached_from_this_side_but_not_through_a_wall() {
+        let map = crate::map::parse_map("corner", b"..#\n.#.\n...\n").expect("a map");
+        let cells: Vec<Cell> = map.free_cells().collect();
+        let mut truth = MazeGroundTruth::new(&map, &cells);
+        // Round the corners (1, 1) and (1, 2) it is 0.5 + 1 + 1 to (2, 2), near enough to both
+        // places at the right.
+        let goals = [2.1, 1.1, 2.9, 1.9, 2.5, 2.5];
+        let steps = truth.steps(&[1.5, 0.5], &goals, 100);
+        assert_eq!(steps, Some(vec![Some(0), Some(3), Some(3)]));
+        assert_eq!(truth.steps(&[1.5, 1.5], &goals, 100), None, "inside a wall");
+        assert_eq!(truth.steps(&[0.5, 0.5], &[2.5, 2.5], 2), Some(vec![None]), "too far");
     }
 }

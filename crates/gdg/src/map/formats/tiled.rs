@@ -5,18 +5,14 @@ use std::fmt::Write;
 use roxmltree::{Document, Node};
 
 use super::super::grid::Grid;
-use super::super::text::{MapError, MapResult};
-use super::super::text::{Place, Text};
-use super::notes::{KEYS, VALUES, scale_values, with_value};
+use super::super::text::{MapError, MapResult, Place, Text};
 use super::{MapFormat, Mark, Rows, Source, marks};
-use crate::text::line_and_column;
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "tiled",
     about: "Tiled's TMX in CSV: tiles of layers called walls, or else of any layer",
     endings: &["tmx"],
     loses: "",
-    keeps_scale: |_| true,
     is: |source| source.is_text(is_tiled),
     read,
     write: |grid, _| write(grid).into_bytes(),
@@ -28,10 +24,6 @@ const HELP: &str =
 
 const WALLS: &str = "where a layer called walls has tiles there are walls; without such a layer, where any layer has tiles";
 
-/// The most attributes of an element, names that layers can have, and layers within layers: Tiled
-/// writes far fewer, and the time that the parser takes grows with their square.
-const MOST: usize = 100;
-
 /// Pixels of a written tile along each side.
 const TILE: usize = 16;
 
@@ -41,31 +33,13 @@ fn is_tiled(text: &Text) -> bool {
         && text.source.contains("<layer")
 }
 
-/// Returns the place of a byte.
-fn place_of(text: &Text, byte: usize) -> Place {
-    let (line, column) = line_and_column(text.source, byte);
-    Place { line: line - 1, column: column - 1 }
-}
-
-/// Checks that no element has more attributes, and the file no more namespaces, than [`MOST`].
-fn check_attributes(text: &Text) -> MapResult<()> {
-    let fault = |at: usize, what: &str| {
-        let problem = format!("more than {MOST} {what}: this is no map of Tiled");
-        Err(text.error_at(place_of(text, at), problem, HELP))
-    };
-    if let Some((at, _)) = text.source.match_indices("xmlns").nth(MOST) {
-        return fault(at, "namespaces");
-    }
-    // Comments have none.
-    let is_full = |tag: &&str| tag.matches('=').count() > MOST && !tag.starts_with('!');
-    let Some(tag) = text.source.split('<').find(is_full) else { return Ok(()) };
-    let after = tag.as_ptr() as usize - text.source.as_ptr() as usize;
-    fault(after.saturating_sub(1), "attributes of one element")
+/// Creates an error about an element.
+fn fault(text: &Text, node: Node, problem: impl Into<String>, help: &str) -> Box<MapError> {
+    text.error_at(text.place_of(node.range().start), problem, help)
 }
 
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    check_attributes(text)?;
     let document = Document::parse(text.source).map_err(|error| {
         let at = error.pos();
         let place = Place { line: at.row as usize - 1, column: at.col as usize - 1 };
@@ -75,13 +49,9 @@ fn read(source: &Source) -> MapResult<Grid> {
     if let Some(orientation) = root.attribute("orientation").filter(|way| *way != "orthogonal") {
         let problem = format!("the map is {orientation}, not orthogonal");
         let help = "maps have square cells: Map > Map Properties > Orientation: Orthogonal";
-        return Err(text.error_at(place_of(text, root.range().start), problem, help));
+        return Err(fault(text, root, problem, help));
     }
     let layers: Vec<Node> = root.descendants().filter(|node| node.has_tag_name("layer")).collect();
-    if let Some(deep) = root.descendants().find(|node| node.ancestors().nth(MOST).is_some()) {
-        let problem = format!("layers lie within more than {MOST} others");
-        return Err(text.error_at(place_of(text, deep.range().start), problem, HELP));
-    }
     let named: Vec<Node> = layers.iter().filter(|layer| is_wall(**layer)).copied().collect();
     let (width, height) = (size(text, root, "width")?, size(text, root, "height")?);
     let mut cells: Vec<Mark> = Vec::new();
@@ -90,7 +60,7 @@ fn read(source: &Source) -> MapResult<Grid> {
         if offset(text, *layer)? != [0.0; 2] {
             let problem = "this layer has an offset, and its tiles are between the cells";
             let help = "set the offset of the layer, and of those that it is in, to 0";
-            return Err(text.error_at(place_of(text, layer.range().start), problem, help));
+            return Err(fault(text, *layer, problem, help));
         }
         cells.resize(own.len(), Mark::Free);
         let walls = cells.iter_mut().zip(own).filter(|(_, tile)| *tile);
@@ -102,59 +72,40 @@ fn read(source: &Source) -> MapResult<Grid> {
         row.iter().try_for_each(|cell| rows.push(*cell))?;
         rows.end_row(Place::default())?;
     }
-    with_scale_of(text, root, rows.finish(&source.name(), WALLS)?)
-}
-
-/// Returns a map with the scale among the properties of the file.
-fn with_scale_of(text: &Text, root: Node, grid: Grid) -> MapResult<Grid> {
-    let mut scale = grid.scale();
-    let properties = root.children().filter(|node| node.has_tag_name("properties"));
-    for property in properties.flat_map(|node| node.children()) {
-        let name = property.attribute("name").unwrap_or_default();
-        if KEYS.contains(&name) {
-            let value = property.attribute("value").unwrap_or_default();
-            let place = place_of(text, property.range().start);
-            let wrong = || text.error_at(place, format!("{value:?} is not a {name}"), VALUES);
-            scale = with_value(scale, name, value).ok_or_else(wrong)?;
-        }
-    }
-    Ok(grid.with_scale(scale))
+    rows.finish(source, WALLS)
 }
 
 /// Returns an attribute of the map that is a size.
 fn size(text: &Text, root: Node, name: &str) -> MapResult<usize> {
     let value = root.attribute(name).unwrap_or_default();
-    value.parse().ok().filter(|size| *size > 0).ok_or_else(|| {
-        let place = place_of(text, root.range().start);
-        text.error_at(place, format!("{name} {value:?} of the map is not a size"), HELP)
-    })
+    let problem = || format!("{name} {value:?} of the map is not a size");
+    let size = value.parse().ok().filter(|size| *size > 0);
+    size.ok_or_else(|| fault(text, root, problem(), HELP))
 }
 
 /// Returns where a layer has tiles.
 fn tiles(text: &Text, layer: Node, width: usize, height: usize) -> MapResult<Vec<bool>> {
-    let fault = |at: usize, problem: String| text.error_at(place_of(text, at), problem, HELP);
-    let start = layer.range().start;
     let data = layer.children().find(|node| node.has_tag_name("data"));
-    let data = data.ok_or_else(|| fault(start, "this layer has no data".to_owned()))?;
-    let start = data.range().start;
+    let data = data.ok_or_else(|| fault(text, layer, "this layer has no data", HELP))?;
     let encoding = data.attribute("encoding").unwrap_or("XML");
     if encoding != "csv" || data.children().any(|node| node.is_element()) {
         let what = if encoding == "csv" { "chunks of an infinite map" } else { encoding };
-        return Err(fault(start, format!("the tiles of this layer are in {what}, not in CSV")));
+        let problem = format!("the tiles of this layer are in {what}, not in CSV");
+        return Err(fault(text, data, problem, HELP));
     }
     let numbers = data.text().unwrap_or_default();
-    let from = data.first_child().map_or(start, |node| node.range().start);
-    let mut tiles = Vec::new();
-    for number in numbers.split(',').map(str::trim).filter(|number| !number.is_empty()) {
-        let tile: u32 = number.parse().map_err(|_| {
-            let at = from + (number.as_ptr() as usize - numbers.as_ptr() as usize);
-            fault(at, format!("{number:?} is not the number of a tile"))
-        })?;
-        tiles.push(tile != 0);
-    }
+    let from = data.first_child().map_or(0, |node| node.range().start);
+    let tile = |number: &str| {
+        let at = from + (number.as_ptr() as usize - numbers.as_ptr() as usize);
+        let problem = || format!("{number:?} is not the number of a tile");
+        let tile: Result<u32, _> = number.parse();
+        tile.map(|tile| tile != 0).map_err(|_| text.error_at(text.place_of(at), problem(), HELP))
+    };
+    let numbers = numbers.split(',').map(str::trim).filter(|number| !number.is_empty());
+    let tiles = numbers.map(tile).collect::<MapResult<Vec<bool>>>()?;
     if width.checked_mul(height) != Some(tiles.len()) {
         let problem = format!("this layer has {} tiles, not {width} x {height}", tiles.len());
-        return Err(fault(start, problem));
+        return Err(fault(text, data, problem, HELP));
     }
     Ok(tiles)
 }
@@ -170,10 +121,7 @@ fn names<'a>(node: Node<'a, '_>) -> impl Iterator<Item = String> + 'a {
 /// Returns an attribute that is a number, 0 if there is none.
 fn number(text: &Text, node: Node, name: &str) -> MapResult<f32> {
     let Some(value) = node.attribute(name) else { return Ok(0.0) };
-    let wrong = || {
-        let place = place_of(text, node.range().start);
-        text.error_at(place, format!("{name} {value:?} is not a number"), HELP)
-    };
+    let wrong = || fault(text, node, format!("{name} {value:?} is not a number"), HELP);
     value.parse().ok().filter(|value: &f32| value.is_finite()).ok_or_else(wrong)
 }
 
@@ -214,14 +162,10 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
         node.has_tag_name("object") && !node.ancestors().any(|node| node.has_tag_name("tileset"))
     };
     for object in root.descendants().filter(is_object) {
-        let unfit = |problem: &str, help| -> Box<MapError> {
-            text.error_at(place_of(text, object.range().start), problem, help)
-        };
+        let unfit = |problem: &str, help| fault(text, object, problem, help);
         if object.has_attribute("template") {
-            return Err(unfit(
-                "this object is from a template",
-                "Object > Detach Template Instance",
-            ));
+            let help = "Object > Detach Template Instance";
+            return Err(unfit("this object is from a template", help));
         }
         let Some(mark) = names(object).find_map(mark) else {
             if is_wall(object) {
@@ -233,15 +177,14 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
         if object.children().any(|node| ["polygon", "polyline"].contains(&node.tag_name().name())) {
             return Err(unfit("this object is a polygon", "starts and goals are points or tiles"));
         }
-        let fault = |problem: &str| unfit(problem, WALLS);
         let tile = [size(text, root, "tilewidth")? as f32, size(text, root, "tileheight")? as f32];
         let [x, y] = middle(text, object)?;
         let (x, y) = ((x / tile[0]).floor(), (y / tile[1]).floor());
         let inside = x >= 0.0 && x < width as f32 && y >= 0.0;
         let at = inside.then(|| (y as usize).saturating_mul(width).saturating_add(x as usize));
         match at.and_then(|at| cells.get_mut(at)) {
-            None => return Err(fault("this object is not on the map")),
-            Some(Mark::Wall) => return Err(fault("this object is in a wall")),
+            None => return Err(unfit("this object is not on the map", WALLS)),
+            Some(Mark::Wall) => return Err(unfit("this object is in a wall", WALLS)),
             Some(cell) if *cell == Mark::Free || *cell == mark => *cell = mark,
             Some(cell) => *cell = Mark::Both,
         }
@@ -262,18 +205,10 @@ fn write(grid: &Grid) -> String {
         let _ =
             writeln!(objects, "  <object name=\"{name}\" x=\"{x}\" y=\"{y}\"><point/></object>");
     }
-    let property = |(name, value)| {
-        let kind = if name == "cells_per_block" { "int" } else { "float" };
-        format!("  <property name=\"{name}\" type=\"{kind}\" value=\"{value}\"/>\n")
-    };
-    let mut properties: String = scale_values(grid).map(property).collect();
-    if !properties.is_empty() {
-        properties = format!(" <properties>\n{properties} </properties>\n");
-    }
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <map version=\"1.10\" orientation=\"orthogonal\" renderorder=\"right-down\" width=\"{width}\" \
-         height=\"{height}\" tilewidth=\"{TILE}\" tileheight=\"{TILE}\" infinite=\"0\">\n{properties} \
+         height=\"{height}\" tilewidth=\"{TILE}\" tileheight=\"{TILE}\" infinite=\"0\">\n \
          <layer id=\"1\" name=\"walls\" width=\"{width}\" height=\"{height}\">\n  \
          <data encoding=\"csv\">\n{}\n</data>\n </layer>\n \
          <objectgroup id=\"2\" name=\"marks\">\n{objects} </objectgroup>\n</map>\n",

@@ -61,7 +61,7 @@ impl MazeWorker {
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
         match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
             Some(cell) => self.put_at(cell.centre()),
-            None => self.world.restart(0, &mut self.rng),
+            None => drop(self.world.restart(0, &mut self.rng)),
         }
         self.view.trail.clear();
         self.start_walk();
@@ -69,7 +69,7 @@ impl MazeWorker {
 
     /// Puts the walking agent at a position, or as close to it as walls allow.
     pub(super) fn put_at(&mut self, at: [f32; 2]) {
-        self.world.set_full_state(0, &at.map(f64::from));
+        let _ = self.world.set_full_state(0, &at.map(f64::from));
     }
 
     /// Restarts the walking agent at the map's own start, or at a random position if it has none.
