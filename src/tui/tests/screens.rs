@@ -169,7 +169,7 @@ fn every_field_can_be_shown() {
                 let part = |from: &[f32], to: &[f32]| {
                     policy.distance(from, to, &mut gdg::learn::Scratch::default())
                 };
-                let sum = part(&start, &at) + part(&at, &goal);
+                let sum = part(start, &at) + part(&at, &goal);
                 assert!((value - sum).abs() < 0.01, "the sum of both parts: {value}, {sum}");
             }
             _ => assert!(value.is_finite() && field.iter().any(|d| d.is_nan()), "none on walls"),
