@@ -22,10 +22,7 @@ fn a_resumed_run_goes_on_with_its_goal() {
 #[test]
 fn lines_over_the_map_and_notices_go_away_after_a_while() {
     type Shows<'a> = (&'a str, &'a dyn Fn(&mut App));
-    let shows: [Shows; 2] = [
-        ("click: a new goal", &|app| app.screen.explains = true),
-        ("drag: walls", &|app| app.act(Action::ToggleEdit)),
-    ];
+    let shows: [Shows; 1] = [("click: a new goal", &|app| app.screen.explains = true)];
     let long_ago = Instant::now().checked_sub(Duration::from_millis(10_100)).expect("a time");
     for (line, show) in shows {
         let mut app = still();

@@ -46,11 +46,7 @@ fn a_run_that_learns_from_data_says_so_instead_of_agents() {
     app.change_snapshot(|snapshot| {
         (snapshot.data, snapshot.agents) = (Some(Arc::new(source)), Arc::default());
     });
-    type_text(&mut app, "f");
     app.act(Action::Show(Pane::Training));
     let shown = shown_by(&mut app, 120, 40);
     assert!(shown.contains("walks.npz") && shown.contains("1,000,000 recorded"), "{shown}");
-    app.act(Action::Show(Pane::Walk));
-    let shown = shown_by(&mut app, 80, 24);
-    assert!(shown.contains("do not act:") && shown.contains("learns from data"), "{shown}");
 }

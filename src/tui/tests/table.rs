@@ -127,7 +127,7 @@ const ROWS: &[Row] = &[
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
     (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
     // The editor.
-    (New, SMALL, "e", &["EDIT", "drag: walls", "done"], &[]),
+    (New, SMALL, "e", &["EDIT", "done"], &[]),
     (New, TINY, "e", &["done"], &[]),
     (New, SMALL, "{click e edit}{click done}", &[], &["EDIT"]),
     (New, LARGE, "e{click box}", &["drag: an outline"], &["drag: walls"]),
