@@ -4,8 +4,6 @@ mod actions;
 mod arm;
 mod compare;
 mod dialogs;
-mod found;
-mod goals;
 mod mouse;
 mod past;
 mod picture;

@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 900),
     ("headless", 900),
     ("experiment", 5_200),
-    ("tui", 21_550),
+    ("tui", 21_350),
     ("cli", 700),
     ("commands", 1_000),
 ];
