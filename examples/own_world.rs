@@ -16,7 +16,7 @@ use gdg::learn::{
     LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData,
 };
 use gdg::store::{Store, StoreError};
-use gdg::train::{Overrides, Preset, Registry, Run, Tick, Trainer, settings_from};
+use gdg::train::{Overrides, Preset, Registry, Run, Trainer, settings_from};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -138,14 +138,12 @@ struct Table {
 }
 
 impl Table {
-    /// Creates a table for a wire.
     fn new(spec: &Spec) -> Result<Self, LearnError> {
         let on_wire =
             spec.state_centre == [LENGTH / 2.0] && spec.state_half_range == [LENGTH / 2.0];
         if !on_wire || spec.achieved != [0] || spec.action_dim != 1 {
-            let problem =
-                format!("the learner table requires positions from 0 to {LENGTH} and one action");
-            return Err(LearnError::Other(problem.into()));
+            let needed = format!("positions from 0 to {LENGTH} and one action");
+            return Err(LearnError::Other(format!("the learner table requires {needed}").into()));
         }
         Ok(Self { spec: spec.clone(), steps: vec![0.0; BINS * ACTIONS.len() * BINS] })
     }
@@ -166,13 +164,17 @@ impl Table {
             .map(|(i, action)| (*action, self.steps[Self::at(position, i, goal)]));
         all.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0))
     }
+
+    fn distance(&self, position: f32, goal: f32) -> f32 {
+        let reached = self.spec.reached(&[position], &[goal]);
+        if reached { 0.0 } else { self.best(position, Self::bin(goal)).1 }
+    }
 }
 
 impl Policy for Table {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
         for ((state, goal), out) in states.iter().zip(goals).zip(out) {
-            let reached = self.spec.reached(&[*state], &[*goal]);
-            *out = if reached { 0.0 } else { self.best(*state, Self::bin(*goal)).1 };
+            *out = self.distance(*state, *goal);
         }
     }
 
@@ -195,12 +197,7 @@ impl Learner for Table {
             let next = data.replay.state(Moment { slot: now.slot + 1, ..now })[0];
             let action = (data.replay.action(now)[0].round() + 1.0) as usize;
             for goal in 0..BINS {
-                let middle = (goal as f32 + 0.5) * LENGTH / BINS as f32;
-                let ahead = if self.spec.reached(&[next], &[middle]) {
-                    0.0
-                } else {
-                    self.best(next, goal).1
-                };
+                let ahead = self.distance(next, (goal as f32 + 0.5) * LENGTH / BINS as f32);
                 let steps = &mut self.steps[Self::at(data.replay.state(now)[0], action, goal)];
                 let error = 1.0 + ahead - *steps;
                 *steps += RATE * error;
@@ -240,23 +237,19 @@ impl Learner for Table {
 
 /// Trains for a few thousand updates and prints how many test walks reach their goals on the way.
 fn main() -> Result<(), Box<dyn Error>> {
-    const UPDATES: u64 = 5_000;
     let registry = registry();
     let kind = registry.world("bead").ok_or("registered above")?;
     let overrides = Overrides { defaults: kind.defaults, ..Overrides::default() };
     let settings = settings_from(Preset::Default, &overrides)?;
     let run = Run { method: "table+bridges".parse()?, preset: Preset::Default, seed: 1, settings };
     let mut trainer = Trainer::new(run, &Bead::new(0), &registry, 1)?;
-    while trainer.counters().updates < UPDATES {
-        if trainer.tick()? == Tick::Update && trainer.counters().updates.is_multiple_of(1_000) {
-            let found = trainer.evaluate(&trainer.tasks(20)?)?;
-            let planned = found.planned.and_then(|planned| planned.success);
-            println!(
-                "{} updates: {:.2} reach their goals",
-                trainer.counters().updates,
-                planned.unwrap_or_default()
-            );
+    for updates in [1_000, 2_000, 3_000, 4_000, 5_000] {
+        while trainer.counters().updates < updates {
+            trainer.tick()?;
         }
+        let found = trainer.evaluate(&trainer.tasks(20)?)?;
+        let planned = found.planned.and_then(|planned| planned.success).unwrap_or_default();
+        println!("{updates} updates: {planned:.2} reach their goals");
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use miette::Report;
 
-pub use chart::{Chart, Curve, Page, Point, Range, colour, tick};
+pub use chart::{Chart, Curve, Page, Point, colour, round_top};
 pub use sheet::{Anchor, Mark, Sheet, fitted};
 
 /// A millimetre in points.

@@ -8,7 +8,7 @@ use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
@@ -65,7 +65,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
         }
     };
     let updates_before = setup.trainer.counters().updates;
-    let progress = Progress::new(&setup.limits, options.eval_every_updates);
+    let progress = Progress::new(&setup.limits, setup.trainer.seconds());
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
     let ended = run.run();
     // Saves what was learned, even after an error.
@@ -194,9 +194,12 @@ impl HeadlessRun<'_> {
                         Some(Err(error)) => {
                             log::warn!("{error}");
                             let at = grouped(self.setup.trainer.counters().updates);
-                            print_error(&Report::msg(error).wrap_err(format!(
-                                "training continues without the evaluation at update {at}, which failed twice"
-                            )));
+                            let left_out =
+                                format!("the evaluation at update {at}, which failed twice");
+                            print_error(
+                                &Report::msg(error)
+                                    .wrap_err(format!("training continues without {left_out}")),
+                            );
                         }
                         None => return Ok(EndReason::Interrupted),
                     },
@@ -291,10 +294,8 @@ impl HeadlessRun<'_> {
     /// signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
         let trainer = &mut self.setup.trainer;
-        let began = Instant::now();
         let evaluated = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?;
         let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };
-        self.progress.evaluated(began.elapsed());
         if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
         }

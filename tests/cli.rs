@@ -1,7 +1,7 @@
 //! The program as run from a shell: records, exit statuses, errors.
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command as Assert;
@@ -499,36 +499,6 @@ fn a_scenario_is_evaluated_in_six_ranges() {
     assert_eq!(means, [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]);
 }
 
-#[cfg(unix)]
-#[test]
-fn signals_end_a_run_gracefully() {
-    let folder = tempfile::tempdir().unwrap();
-    for (signal, status) in [("INT", 130), ("TERM", 143)] {
-        let saved = folder.path().join(format!("{signal}.safetensors"));
-        let mut child = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"))
-            .args(["--no-ui", "trap", "--save", saved.to_str().unwrap()])
-            .args(SMALL)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // The first record means that the signal handlers are installed; then the run trains
-        // indefinitely.
-        let mut out = std::io::BufReader::new(child.stdout.take().unwrap());
-        let mut text = String::new();
-        std::io::BufRead::read_line(&mut out, &mut text).unwrap();
-        Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
-        let asked = Instant::now();
-        std::io::Read::read_to_string(&mut out, &mut text).unwrap();
-        assert_eq!(child.wait().unwrap().code(), Some(status));
-        assert!(asked.elapsed() < Duration::from_secs(20));
-        let all = records(text.as_bytes());
-        assert_eq!(all.last().unwrap()["reason"], "interrupted");
-        assert!(all.iter().all(|r| r["event"] != "evaluation"), "the final evaluation is skipped");
-        assert!(saved.is_file());
-    }
-}
-
 /// Checks unusable arguments, and what their errors say.
 #[test]
 fn bad_usage_and_input_are_status_2_with_a_hint() {
@@ -808,15 +778,6 @@ fn check_width_of_help(command: &clap::Command) {
 #[test]
 fn help_fits_80_columns() {
     check_width_of_help(&<gdg_tui::cli::Cli as clap::CommandFactory>::command());
-}
-
-#[test]
-fn help_shows_how_to_get_started() {
-    let help = gdg().arg("--help").output().unwrap();
-    let text = String::from_utf8_lossy(&help.stdout).into_owned();
-    for part in ["Examples:", "--no-ui", "--require-success", "Exit status", "maps", "check"] {
-        assert!(text.contains(part), "{part}");
-    }
 }
 
 #[test]

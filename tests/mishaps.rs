@@ -508,6 +508,10 @@ fn a_signal_that_arrives_twice_at_once_is_one() {
     let mut rest = String::new();
     run.out.read_to_string(&mut rest).unwrap();
     assert_eq!(run.child.wait().unwrap().code(), Some(143));
+    assert!(
+        rest.contains("\"reason\":\"interrupted\"") && !rest.contains("\"evaluation\""),
+        "{rest}"
+    );
     assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
 }
 

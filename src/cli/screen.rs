@@ -1,21 +1,15 @@
 //! The interface: its options, and those of the commands that open it besides training.
 
-use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, TypedValueParser};
-use clap::error::{ContextKind, ContextValue};
-use clap::{Arg, Args};
+use clap::Args;
 use log::LevelFilter;
 
 use crate::host::maps::MapArgs;
 use crate::host::runs::SAVES;
-use crate::host::values::{MethodParser, counts, log_levels, parse_threads};
-use crate::tui::{ComparisonOptions, Contender, InterfaceOptions};
-use gdg::files::has_extension;
+use crate::host::values::{log_levels, parse_threads};
+use crate::tui::{ComparisonOptions, InterfaceOptions};
 use gdg::learn::Threads;
-use gdg::map::builtin;
-use gdg::text::sanitized;
 
 /// Options of commands that only show something.
 #[derive(Debug, Args)]
@@ -98,81 +92,12 @@ signal.";
 #[derive(Debug, Args)]
 #[command(after_help = COMPARE_EXAMPLES, allow_negative_numbers = true)]
 pub struct CompareArgs {
-    /// On the left: a method as in --method, or LEARNER+PLANNER, or a checkpoint
-    #[arg(value_name = "A", value_parser = ContenderParser)]
-    pub a: Contender,
-
-    /// Method or checkpoint on the right
-    #[arg(value_name = "B", value_parser = ContenderParser, hide_possible_values = true)]
-    pub b: Contender,
-
-    /// Built-in map or map file [default: fourrooms, or the map of the checkpoint]
-    #[arg(value_name = "MAP")]
-    pub map: Option<PathBuf>,
-
-    /// Random seed of both methods: same seed, same runs [default: 0, or the checkpoint's]
-    #[arg(long, value_parser = counts::<u64>(0..=u64::MAX))]
-    pub seed: Option<u64>,
-
-    /// Change one setting of both methods, or of one side (repeatable)
-    #[arg(long, value_name = "[A:|B:]NAME=VALUE")]
-    pub set: Vec<String>,
-
-    /// Threads that share each update of a side: a number, or auto for as many as make it faster at
-    /// the moment, up to half of this machine's cores; results do not depend on it
-    #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
-    pub threads: Threads,
+    #[command(flatten)]
+    pub options: ComparisonOptions,
 
     #[command(flatten)]
     pub screen: ScreenArgs,
 
     #[command(flatten)]
     pub reading: MapArgs,
-}
-
-impl CompareArgs {
-    /// Returns the options of the comparison.
-    pub fn options(&self) -> ComparisonOptions {
-        ComparisonOptions {
-            contenders: [self.a.clone(), self.b.clone()],
-            map: self.map.clone(),
-            reading: (&self.reading).into(),
-            seed: self.seed,
-            set: self.set.clone(),
-            threads: self.threads,
-        }
-    }
-}
-
-/// Parses a method or the path of a checkpoint, and lists the named methods.
-#[derive(Clone)]
-struct ContenderParser;
-
-impl TypedValueParser for ContenderParser {
-    type Value = Contender;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        arg: Option<&Arg>,
-        value: &OsStr,
-    ) -> Result<Contender, clap::Error> {
-        let path = Path::new(value);
-        if has_extension(path, "safetensors") {
-            return Ok(Contender::Checkpoint(path.to_owned()));
-        }
-        let method = MethodParser.parse_ref(command, arg, value);
-        method.map(Contender::Method).map_err(|mut error| {
-            let name = value.to_string_lossy();
-            if builtin(&name).is_some() || path.is_file() {
-                let tip = format!("a map comes last: gdg-tui compare A B {}", sanitized(&name));
-                error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
-            }
-            error
-        })
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        MethodParser.possible_values()
-    }
 }

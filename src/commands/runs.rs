@@ -103,14 +103,15 @@ fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> 
         }
         Some(other) => {
             let options = ComparisonOptions {
-                contenders: [wish.file, other].map(Contender::Checkpoint),
+                a: Contender::Checkpoint(wish.file),
+                b: Contender::Checkpoint(other),
                 map: None,
-                reading: Reading::default(),
                 seed: None,
                 set: Vec::new(),
                 threads: Threads::auto(),
             };
-            let mut both = tui::prepare_comparison(&options, &registry, progress)?;
+            let reading = Reading::default();
+            let mut both = tui::prepare_comparison(&options, &reading, &registry, progress)?;
             both.warnings.extend(wish.warning);
             Ok(Opened::Comparison(Box::new(both)))
         }

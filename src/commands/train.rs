@@ -103,10 +103,9 @@ pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> Outcome {
 /// Shows two methods side by side.
 pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
     let instead = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
-    let options = args.options();
     let prepare = || {
         let opening = Waiting::on("opening both runs");
-        tui::prepare_comparison(&options, registry, &opening)
+        tui::prepare_comparison(&args.options, &(&args.reading).into(), registry, &opening)
     };
     watch(&args.screen, ["a comparison", instead], prepare, tui::compare)
 }

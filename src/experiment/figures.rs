@@ -3,7 +3,6 @@
 
 mod catalogue;
 mod drawn;
-mod report;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -13,15 +12,14 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
-use super::jobs::{JobOptions, Jobs, print_raw, warn_if_short};
+use super::jobs::{JobOptions, Jobs, print, warn_if_short};
 use super::plan::{Length, Plan};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::report::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
 use crate::host::values::{counts, output};
-use catalogue::Entry;
-use catalogue::{Budget, FIGURES, Figure};
-use drawn::Drawn;
+use catalogue::{Budget, Entry, FIGURES, Figure};
+use drawn::{head, section};
 use gdg::printing::eprint_line;
 use gdg::train::{Overrides, Registry, Run, settings_from};
 
@@ -201,7 +199,7 @@ impl Reproduction<'_> {
             let problem = folder.problem(job).unwrap_or_else(|error| Some(error.to_string()));
             problem.iter().for_each(|problem| eprint_line(problem));
         }
-        let (mut sections, mut charts) = (String::new(), String::new());
+        let mut sections = String::new();
         for (figure, methods) in &mut *figures {
             for method in &mut *methods {
                 method.results =
@@ -213,13 +211,11 @@ impl Reproduction<'_> {
                 eprint_line(&format!("{name}: no job is done, so there is nothing to draw"));
                 continue;
             }
-            let drawn = Drawn::write(figure, methods, folder)?;
-            charts += &drawn.text;
-            sections += &report::section(figure, methods, &drawn);
+            sections += &section(figure, methods, folder)?;
         }
         let of_paper = figures.iter().any(|(figure, _)| figure.is_of_paper());
-        let head = report::head(&options.figures, options.budget, of_paper, missing);
+        let head = head(&options.figures, options.budget, of_paper, missing);
         folder.write("report.md", (head + &sections).as_bytes())?;
-        print_raw(&charts)
+        print(&sections)
     }
 }

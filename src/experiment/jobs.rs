@@ -15,23 +15,21 @@ use parking_lot::Mutex;
 use super::folder::Folder;
 use super::measure::{self, measure};
 use super::plan::Length;
-use super::spec::{JobResult, JobSpec};
+use super::spec::JobSpec;
 use crate::headless::{Saver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
 
+use crate::host::EXIT_FAILURE;
 use crate::host::report::print_error;
 use crate::host::runs::SAVES;
 use crate::host::setup::{begin, learn_from, parallel_jobs};
 use crate::host::signals::TerminationSignal;
-use crate::host::values::{counts, output, shares};
+use crate::host::values::{counts, output};
 use crate::host::waiting::duration;
-use crate::host::{EXIT_FAILURE, EXIT_NOT_REACHED};
 use gdg::files::check_writable;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
-use gdg::train::{
-    self, Due, EndReason, Evaluation, Registry, SaveTo, Schedule, Session, Trainer, describe,
-};
+use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
 
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
@@ -63,10 +61,6 @@ pub struct JobOptions {
     /// Remove the checkpoints of finished jobs, which --resume needs
     #[arg(long)]
     pub no_keep: bool,
-
-    /// Exit with status 3 unless every run's final success rate is at least X
-    #[arg(long, value_name = "X", value_parser = shares())]
-    pub require_success: Option<f64>,
 }
 
 /// The jobs of an experiment, each once, in order.
@@ -127,13 +121,13 @@ impl<'a> Jobs<'a> {
             return print(&self.list()).map(|()| 0);
         }
         let (chosen, collect) = (self.chosen()?, self.options.collect);
-        let (mut any_failed, mut any_elsewhere) = (false, false);
+        let mut any_failed = false;
         if !collect {
-            let outcome = self.run_open(&chosen)?;
-            if let Some(status) = outcome.interrupted {
+            let (failed, interrupted) = self.run_open(&chosen)?;
+            if let Some(status) = interrupted {
                 return Ok(status);
             }
-            (any_failed, any_elsewhere) = (outcome.any_failed, outcome.any_elsewhere);
+            any_failed = failed;
         }
         if self.options.job.is_empty() {
             let open = self.all.iter().filter(|job| self.folder.result_of(job).is_none());
@@ -146,11 +140,7 @@ impl<'a> Jobs<'a> {
                 any_failed |= collect;
             }
         }
-        Ok(match self.options.require_success {
-            _ if any_failed => EXIT_FAILURE,
-            Some(least) if self.any_below(&chosen, least) || any_elsewhere => EXIT_NOT_REACHED,
-            _ => 0,
-        })
+        Ok(if any_failed { EXIT_FAILURE } else { 0 })
     }
 
     fn list(&self) -> String {
@@ -168,20 +158,6 @@ impl<'a> Jobs<'a> {
         };
         aligned(&self.all.iter().map(row).collect::<Vec<_>>())
     }
-
-    /// Names the results below a success rate; returns whether there are any.
-    fn any_below(&self, jobs: &[&JobSpec], required: f64) -> bool {
-        let rate = |result: &JobResult| result.last().and_then(Evaluation::success_rate);
-        let results = jobs.iter().filter_map(|job| self.folder.result_of(job));
-        let is_below = |result: &JobResult| rate(result).is_none_or(|rate| rate < required);
-        let below: Vec<JobResult> = results.filter(is_below).collect();
-        for result in &below {
-            let (name, rate) = (&result.name, rate(result));
-            let rate = rate.map_or("-".to_owned(), |rate| format!("{rate:.3}"));
-            eprint_line(&format!("{name}: success rate {rate} is below the required {required}"));
-        }
-        !below.is_empty()
-    }
 }
 
 /// Warns if jobs train for far less than is `usual` for them, given in the same unit.
@@ -198,15 +174,9 @@ pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
     }
 }
 
-/// Prints to standard output, made safe to display.
+/// Prints to standard output, made safe to display. An early close (`| head`) is not an error.
 pub fn print(text: &str) -> Result<(), Report> {
-    print_raw(&sanitized_lines(text))
-}
-
-/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`)
-/// is not an error.
-pub fn print_raw(text: &str) -> Result<(), Report> {
-    print_text(text).into_diagnostic().wrap_err("standard output")
+    print_text(&sanitized_lines(text)).into_diagnostic().wrap_err("standard output")
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -220,13 +190,6 @@ enum End {
     Failed,
 }
 
-struct Outcome {
-    any_failed: bool,
-    /// Whether other processes run some of them.
-    any_elsewhere: bool,
-    interrupted: Option<u8>,
-}
-
 struct Runner<'a> {
     all: &'a Jobs<'a>,
     termination: TerminationSignal,
@@ -236,8 +199,8 @@ struct Runner<'a> {
 
 impl Jobs<'_> {
     /// Runs those of `jobs` that have no result until a signal arrives, and says which failed or
-    /// run elsewhere.
-    fn run_open(&self, jobs: &[&JobSpec]) -> Result<Outcome, Report> {
+    /// run elsewhere. Returns whether any failed, and the exit status if a signal ended them.
+    fn run_open(&self, jobs: &[&JobSpec]) -> Result<(bool, Option<u8>), Report> {
         let Self { folder, options, .. } = self;
         let (done, open): (Vec<&JobSpec>, Vec<&JobSpec>) =
             jobs.iter().partition(|job| folder.result_of(job).is_some());
@@ -274,11 +237,7 @@ impl Jobs<'_> {
                  report"
             ));
         }
-        Ok(Outcome {
-            any_failed: !failed.is_empty(),
-            any_elsewhere: !others.is_empty(),
-            interrupted: runner.termination.status(),
-        })
+        Ok((!failed.is_empty(), runner.termination.status()))
     }
 }
 

@@ -39,7 +39,7 @@ Examples:
 gdg-tui plot draws the curves of the methods and variants.
 
 Exit status: 0 success; 1 a job failed (the others run), or --collect found jobs missing; 2 bad \
-usage or input; 3 --require-success not reached; 128 + its number after a signal, as 130 after \
+usage or input; 128 + its number after a signal, as 130 after \
 Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 #[derive(Clone, Debug, Args)]

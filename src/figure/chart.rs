@@ -63,16 +63,9 @@ pub struct Chart {
     pub title: String,
     pub labels: [String; 2],
     pub x: [f64; 2],
-    pub y: Range,
+    /// The upper end of the vertical axis, which begins at 0.
+    pub top: f64,
     pub curves: Vec<Curve>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
-    pub low: f64,
-    pub high: f64,
-    /// Whether equal distances are equal ratios.
-    pub log: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -110,44 +103,12 @@ impl Point {
     }
 }
 
-impl Range {
-    pub const SHARE: Self = Self { low: 0.0, high: 1.0, log: false };
-
-    pub fn from_zero(values: impl Iterator<Item = f64>) -> Self {
-        let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
-        let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
-        let step = if let [first, second, ..] = step[..] { second - first } else { 1.0 };
-        Self { low: 0.0, high: (high / step).ceil().max(1.0) * step, log: false }
-    }
-
-    /// Returns the range of `values` if they are positive and differ by a factor of twenty or more,
-    /// and otherwise one from 0.
-    pub fn of_errors(values: impl Iterator<Item = f64> + Clone) -> Self {
-        let known = values.clone().filter(|value| value.is_finite());
-        let (low, high) = known.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), value| {
-            (low.min(value), high.max(value))
-        });
-        if low > 0.0 && high >= 20.0 * low {
-            let (low, high) = (outwards(low, false), outwards(high, true));
-            return Self { low, high, log: true };
-        }
-        Self::from_zero(values)
-    }
-
-    /// Returns the place of a value, from 0 at the lower end to 1 at the upper end.
-    fn share(&self, value: f64) -> f64 {
-        let on = |value: f64| if self.log { value.max(f64::MIN_POSITIVE).ln() } else { value };
-        let (low, high) = (on(self.low), on(self.high));
-        ((on(value) - low) / (high - low)).clamp(0.0, 1.0)
-    }
-
-    fn ticks(&self) -> Vec<f64> {
-        if self.log {
-            logarithmic_ticks(self.low, self.high)
-        } else {
-            round_ticks(self.low, self.high, 6)
-        }
-    }
+/// Returns the upper end of an axis from 0 on which all values are.
+pub fn round_top(values: impl Iterator<Item = f64>) -> f64 {
+    let high = values.filter(|value| value.is_finite()).fold(0.0, f64::max);
+    let step = round_ticks(0.0, if high > 0.0 { high } else { 1.0 }, 6);
+    let step = if let [first, second, ..] = step[..] { second - first } else { 1.0 };
+    (high / step).ceil().max(1.0) * step
 }
 
 #[derive(Clone, Copy)]
@@ -184,7 +145,8 @@ impl Page<'_> {
         if !names.is_empty() {
             top = legend(&mut sheet, &names, top);
         }
-        let ticks = self.charts.iter().flat_map(|chart| tick_labels(&chart.y.ticks()));
+        let ticks =
+            self.charts.iter().flat_map(|chart| tick_labels(&round_ticks(0.0, chart.top, 6)));
         let ticks = ticks.map(|text| text_width(&text, LETTERS)).fold(0.0, f32::max);
         let left = LETTERS * 1.3 + GAP + ticks + GAP + TICK;
         let (below, labelled) = (TICK + GAP + LETTERS, LETTERS * 1.4);
@@ -244,7 +206,7 @@ impl Placed<'_> {
     fn at(&self, x: f64, y: f64) -> [f32; 2] {
         let (Area { left, top, right, bottom }, [from, to]) = (self.area, self.chart.x);
         let along = if to > from { ((x - from) / (to - from)) as f32 } else { 0.5 };
-        let up = self.chart.y.share(y) as f32;
+        let up = (y / self.chart.top).clamp(0.0, 1.0) as f32;
         [left + along * (right - left), bottom - up * (bottom - top)]
     }
 
@@ -253,7 +215,7 @@ impl Placed<'_> {
     fn axes(&self, sheet: &mut Sheet, start: f32, labelled: [bool; 2]) {
         let (Area { left, top, right, bottom }, chart) = (self.area, self.chart);
         sheet.text([left, top - 0.6 * TITLE], &chart.title, TITLE, Anchor::Start, INK);
-        let ticks = chart.y.ticks();
+        let ticks = round_ticks(0.0, chart.top, 6);
         for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
             let [_, y] = self.at(chart.x[0], *value);
             sheet.line(vec![[left, y], [right, y]], GRID, GRID_INK);
@@ -264,7 +226,7 @@ impl Placed<'_> {
         let most = ((right - left) / TICKS_APART) as usize;
         let ticks = round_ticks(chart.x[0], chart.x[1], most);
         for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
-            let [x, _] = self.at(*value, chart.y.low);
+            let [x, _] = self.at(*value, 0.0);
             sheet.line(vec![[x, bottom], [x, bottom + TICK]], AXIS, INK);
             let place = [x, bottom + TICK + GAP + 0.75 * LETTERS];
             sheet.text(place, &label, LETTERS, Anchor::Middle, INK);
@@ -319,40 +281,10 @@ fn round_ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     all.into_iter().find(|ticks| ticks.len() <= most.max(2)).unwrap_or_else(|| vec![low, high])
 }
 
-/// Returns the powers of ten from `low` to `high`; where that is fewer than three, their multiples
-/// by 2 and 5 too.
-fn logarithmic_ticks(low: f64, high: f64) -> Vec<f64> {
-    let (from, to) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    let within = |factors: &'static [f64]| {
-        let all =
-            (from..=to).flat_map(|power| factors.iter().map(move |by| by * 10f64.powi(power)));
-        all.filter(|tick| (low * 0.999..=high * 1.001).contains(tick)).collect::<Vec<_>>()
-    };
-    let powers = within(&[1.0]);
-    if powers.len() < 3 { within(&[1.0, 2.0, 5.0]) } else { powers }
-}
-
-/// Returns `value` and its neighbour towards `up` or down among 1, 2 and 5 times powers of ten.
-fn outwards(value: f64, up: bool) -> f64 {
-    let power = 10f64.powf(value.log10().floor());
-    let steps = [1.0, 2.0, 5.0, 10.0].map(|by| by * power);
-    let found = if up {
-        steps.into_iter().find(|step| *step >= value * 0.999)
-    } else {
-        steps.into_iter().rfind(|step| *step <= value * 1.001)
-    };
-    found.unwrap_or(value)
-}
-
-/// Writes the ticks of one axis, all in the same unit.
+/// Writes the ticks of one axis, all in the same unit: 40k, 0.2.
 fn tick_labels(ticks: &[f64]) -> Vec<String> {
     let largest = ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.abs()));
     ticks.iter().map(|tick| in_unit_of(*tick, largest)).collect()
-}
-
-/// Writes a number on an axis: 40k, 0.2.
-pub fn tick(value: f64) -> String {
-    in_unit_of(value, value.abs())
 }
 
 fn in_unit_of(value: f64, largest: f64) -> String {
@@ -379,18 +311,13 @@ mod tests {
         );
         assert_eq!(tick_labels(&round_ticks(0.0, 0.031, 4)), ["0", "0.01", "0.02", "0.03"]);
         assert_eq!(round_ticks(5.0, 5.0, 4), [5.0]);
-        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
+        assert_eq!(
+            [0.2, 40.0, 40_000.0, 2e6].map(|value| in_unit_of(value, value)),
+            ["0.2", "40", "40k", "2M"]
+        );
         for high in [0.007, 1.0, 9.99, 123.0, 1e7] {
             let ticks = round_ticks(0.0, high, 5);
             assert!((2..=5).contains(&ticks.len()), "{high}: {ticks:?}");
         }
-    }
-
-    #[test]
-    fn logarithmic_ticks_are_powers_of_ten_or_finer() {
-        assert_eq!(tick_labels(&logarithmic_ticks(0.01, 10.0)), ["0.01", "0.1", "1", "10"]);
-        assert_eq!(tick_labels(&logarithmic_ticks(0.05, 0.6)), ["0.05", "0.1", "0.2", "0.5"]);
-        assert_eq!([outwards(0.037, false), outwards(0.037, true)], [0.02, 0.05]);
-        assert_eq!([outwards(1.0, false), outwards(1.0, true)], [1.0, 1.0]);
     }
 }

@@ -18,15 +18,14 @@ const BAR_INTERVAL: Duration = Duration::from_millis(250);
 pub struct Progress {
     bar: ProgressBar,
     limits: Limits,
-    /// Updates between evaluations, if there are any but that at the end.
-    eval_every_updates: Option<u64>,
-    /// Evaluations made by this process, and the time they took.
-    evaluations: (u32, Duration),
+    /// When this process began to train, and the seconds trained before.
+    began: (Instant, f64),
     shown: Option<Instant>,
 }
 
 impl Progress {
-    pub fn new(limits: &Limits, eval_every_updates: Option<u64>) -> Self {
+    /// Creates the progress of a run that has been trained for `seconds` before.
+    pub fn new(limits: &Limits, seconds: f64) -> Self {
         let ends = *limits != Limits::default();
         let template = if ends {
             "{bar:32} {percent:>3} %  {msg}"
@@ -34,31 +33,15 @@ impl Progress {
             "{spinner} {msg}  {elapsed_precise}"
         };
         let bar = progress_bar(ends.then_some(BAR_PARTS as u64), template);
-        Self {
-            bar,
-            limits: *limits,
-            eval_every_updates,
-            evaluations: (0, Duration::ZERO),
-            shown: None,
-        }
+        Self { bar, limits: *limits, began: (Instant::now(), seconds), shown: None }
     }
 
-    /// Returns the estimated seconds until training ends and the run is evaluated, if that can be
-    /// told. Evaluations count once there has been one.
+    /// Returns the estimated seconds until training ends, if that can be told. What is not training,
+    /// above all evaluations, goes on to take its share.
     pub fn seconds_left(&self, trainer: &Trainer) -> Option<f64> {
-        let (pace, updates) = (trainer.pace(), trainer.counters().updates);
-        let left = pace.seconds_left(&self.limits)?;
-        let (made, took) = self.evaluations;
-        let updates_left = left * pace.per_second(|counters| counters.updates).unwrap_or(0.0);
-        let end = updates + updates_left.round() as u64;
-        let is_made = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
-        let from = if is_made { updates + 1 } else { updates };
-        let due = evaluations_due(from, end, self.eval_every_updates);
-        Some(left + due as f64 * took.as_secs_f64() / f64::from(made.max(1)))
-    }
-
-    pub fn evaluated(&mut self, took: Duration) {
-        self.evaluations = (self.evaluations.0 + 1, self.evaluations.1 + took);
+        let (began, before) = self.began;
+        let share = (trainer.seconds() - before) / began.elapsed().as_secs_f64();
+        Some(trainer.pace().seconds_left(&self.limits)? / share.clamp(0.1, 1.0))
     }
 
     /// Updates the bar to the trainer's state, but not too often.
@@ -85,31 +68,5 @@ impl Progress {
 
     pub fn finish(&self) {
         self.bar.finish_and_clear();
-    }
-}
-
-/// Returns how many evaluations there are from an update to the end of training: some every so many
-/// updates, and one at the end.
-fn evaluations_due(from: u64, end: u64, every: Option<u64>) -> u64 {
-    let before = |updates: u64| every.map_or(0, |every| updates.saturating_sub(1) / every);
-    before(end).saturating_sub(before(from)) + 1
-}
-
-#[cfg(test)]
-mod tests {
-    use super::evaluations_due;
-
-    #[test]
-    fn evaluations_are_counted_to_the_one_at_the_end() {
-        for (from, end, every, due) in [
-            // That at 1,000 is still to come.
-            (1_000, 8_000, Some(1_000), 8),
-            (1_001, 8_000, Some(1_000), 7),
-            (7_001, 8_500, Some(1_000), 2),
-            (1_000, 8_000, None, 1),
-            (8_000, 8_000, Some(1_000), 1),
-        ] {
-            assert_eq!(evaluations_due(from, end, every), due, "{from} to {end}");
-        }
     }
 }

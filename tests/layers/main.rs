@@ -35,11 +35,11 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
     ("host", 1_550),
-    ("figure", 900),
+    ("figure", 850),
     ("headless", 900),
-    ("experiment", 5_200),
-    ("tui", 21_350),
-    ("cli", 700),
+    ("experiment", 5_050),
+    ("tui", 21_400),
+    ("cli", 650),
     ("commands", 1_000),
 ];
 

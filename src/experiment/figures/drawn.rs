@@ -1,58 +1,21 @@
 //! What a figure shows: charts of methods over seeds (Figures 1, 3, 4 and 6), or rows of maps with
-//! distances, plans and paths (Figures 2 and 5); as data, as drawings, and for the terminal.
+//! distances, plans and paths (Figures 2 and 5); as data, as drawings, and in the report, with the
+//! paper's results beside ours.
 
-use std::io::IsTerminal;
-
-use anstyle::RgbColor;
-use anstyle_lossy::rgb_to_xterm;
 use miette::Report;
-use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
-use ratatui::style::{Color, Style};
-use ratatui::symbols::Marker;
-use ratatui::widgets::{self, Dataset, GraphType, Widget};
 
 use super::MethodRuns;
-use super::catalogue::{Figure, Shows};
+use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
-use crate::experiment::measure::{Bridge, Walked, draw_walk, field};
+use crate::experiment::measure::{Bridge, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{Axis, Line, Points, csv_of, table};
+use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
-use crate::figure::{Anchor, Chart, Format, MILLIMETRE, Mark, Page, Range, Sheet, fitted, tick};
+use crate::figure::{Anchor, Chart, Format, MILLIMETRE, Mark, Page, Sheet, fitted, round_top};
 use gdg::draw::{Picture, Raster, Rgb, WALL};
 use gdg::map::{Cell, Grid, builtin};
-use gdg::text::{counted, terminal_obeys_escapes};
+use gdg::text::counted;
 use gdg::train::{DistanceScore, Evaluation, TaskOutcome};
-
-pub struct Drawn {
-    pub panels: Vec<Panel>,
-    pub text: String,
-}
-
-impl Drawn {
-    pub fn write(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Result<Self, Report> {
-        let name = figure.name;
-        let (panels, maps) = (panels(figure, methods), rows(figure, methods));
-        let csv = if let [Panel { labels, .. }, ..] = &panels[..] {
-            let lines = panels.iter().flat_map(|panel| &panel.lines);
-            table(lines, [labels[0], "value"], [0.0, f64::INFINITY])?
-        } else {
-            walks_csv(methods)?
-        };
-        folder.write(&format!("data/{name}.csv"), &csv)?;
-        let charts: Vec<Chart> = panels.iter().map(Panel::chart).collect();
-        let sheet = draw(figure.title, &charts, &maps);
-        for format in [Format::Svg, Format::Png] {
-            let file = format!("figures/{name}.{}", format.extension());
-            folder.write(&file, &format.encode(&sheet)?)?;
-        }
-        let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-        let coloured = wanted && std::io::stdout().is_terminal() && terminal_obeys_escapes();
-        let text = charts.iter().map(|chart| text_of(chart, coloured));
-        let text = format!("\n{name}: {}\n{}", figure.title, text.collect::<String>());
-        Ok(Self { panels, text })
-    }
-}
 
 fn walks_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
     let mut lines = Vec::new();
@@ -70,58 +33,11 @@ fn walks_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
     csv_of(&["method", "seed", "distance", "reached", "step", "x", "y"], lines)
 }
 
-/// Columns and rows of a chart in characters.
-const SIZE: (u16, u16) = (80, 20);
-
-/// Returns a chart in characters, with the names of its curves and their last values below, and with
-/// escape sequences for their colours if `coloured`.
-fn text_of(chart: &Chart, coloured: bool) -> String {
-    let Chart { labels, x, y, curves, .. } = chart;
-    // The nearest of the 256 colours, which every terminal with colours has.
-    let of = |(r, g, b): Rgb| rgb_to_xterm(RgbColor(r, g, b)).0;
-    let painted = |text: &str, colour: u8| match text {
-        text if coloured && text != " " => format!("\x1b[38;5;{colour}m{text}\x1b[39m"),
-        text => text.to_owned(),
-    };
-    let points = curves.iter().map(|curve| curve.points.iter().map(|at| (at.x, at.mean)).collect());
-    let points: Vec<Vec<(f64, f64)>> = points.collect();
-    let data = curves.iter().zip(&points).map(|(curve, points)| {
-        let line = Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line);
-        line.style(Style::new().fg(Color::Indexed(of(curve.colour)))).data(points)
-    });
-    let axis = |top: f64| {
-        widgets::Axis::default()
-            .bounds([0.0, 1.02 * top])
-            .labels([0.0, 0.5, 1.0].map(|share| tick(share * top)))
-    };
-    let mut screen = Buffer::empty(Rect::new(0, 0, SIZE.0, SIZE.1));
-    widgets::Chart::new(data.collect())
-        .x_axis(axis(x[1]))
-        .y_axis(axis(y.high))
-        .legend_position(None)
-        .render(screen.area, &mut screen);
-    let mut out = format!("\n{} over {}\n", labels[1], labels[0]);
-    for row in screen.area.rows() {
-        let cells = row.positions().map(|at| match screen[at].fg {
-            Color::Indexed(colour) => painted(screen[at].symbol(), colour),
-            _ => screen[at].symbol().to_owned(),
-        });
-        out = out + cells.collect::<String>().trim_end() + "\n";
-    }
-    for curve in curves {
-        // Without colours, the last values tell the lines apart.
-        let last = curve.points.last().map_or(String::new(), |at| format!("{:.2}", at.mean));
-        let line = format!("  \u{2500}\u{2500} {:<27}{last}", curve.name);
-        out = out + &painted(&line, of(curve.colour)) + "\n";
-    }
-    out
-}
-
-pub struct Panel {
-    pub labels: [&'static str; 2],
+struct Panel {
+    labels: [&'static str; 2],
     /// Upper end of the vertical axis, if it is fixed.
-    pub top: Option<f64>,
-    pub lines: Vec<Line>,
+    top: Option<f64>,
+    lines: Vec<Line>,
 }
 
 impl Panel {
@@ -132,16 +48,13 @@ impl Panel {
             title: String::new(),
             labels: self.labels.map(str::to_owned),
             x,
-            y: match self.top {
-                Some(high) => Range { high, ..Range::SHARE },
-                None => Range::from_zero(points().map(|point| point.1)),
-            },
+            top: self.top.unwrap_or_else(|| round_top(points().map(|point| point.1))),
             curves: self.lines.iter().map(|line| line.curve(x)).collect(),
         }
     }
 }
 
-pub fn last(line: &Line) -> Vec<f64> {
+fn last(line: &Line) -> Vec<f64> {
     line.seeds.values().filter_map(|points| Some(points.last()?.1)).collect()
 }
 
@@ -327,4 +240,186 @@ fn draw(title: &str, charts: &[Chart], maps: &[Vec<MapPanel>]) -> Sheet {
         sheet.size[1] = end + 2.0 * LETTERS;
     }
     sheet
+}
+
+const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a \
+                             bridge point: b with D(s,b) + D(b,g) < D(s,g), among candidates that \
+                             are at least a quarter of D(s,g) from either end.";
+
+const MAPS: &str = "Blue: the start s; orange: the goal g; red: the bridge point b and the plan; \
+                    white: the walk.\n";
+
+const AT_THE_END: &str = "Ours: success rate at the end, all distances.";
+
+const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and \
+                   mu) and DDPG (which regresses Q on -|s' - g|) converge alike. DDPG + HER with \
+                   sparse rewards and GDG with a learned D are our additions.";
+
+const RANDOM: &str = " Anywhere: from anywhere to anywhere; as in training: to goals drawn as in \
+                      training (`near_goals`), like the 200 tasks of the paper's figure.";
+
+const DATASETS: &str = "in the built-in maze, after learning from a million recorded transitions \
+                        alone, on one core. Others: a million updates; GCIVL, QRL, CRL and HIQL \
+                        as in OGBench (Park et al., \
+                        [2410.20092](https://arxiv.org/abs/2410.20092)), TTGS as in \
+                        [2510.07257](https://arxiv.org/abs/2510.07257), ALPS as in \
+                        [2602.05031](https://arxiv.org/abs/2602.05031).";
+
+const OF_PAPER: &str = " Success: the goal reached within 500 steps, with the arm within its episode \
+                        of 50; methods that plan are evaluated with planning. Our maps are not the \
+                        paper's, whose arrays are not published: the city's diameter is 240 \
+                        steps from cell to cell, as the paper's; a point takes 226. \"-\": the paper gives no number.";
+
+/// Returns the beginning of the report on figures called `names`, any of which is `of_paper`.
+pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) -> String {
+    let (title, more) = if of_paper {
+        ("\"Reinforcement Learning with Goal-Distance Gradient\", reproduced", OF_PAPER)
+    } else {
+        ("OGBench's point mazes", "")
+    };
+    let (version, names, budget) = (env!("CARGO_PKG_VERSION"), names.join(" "), budget.name());
+    let mut out = format!(
+        "# {title}\n\nMade by gdg-tui {version} with `gdg-tui reproduce {names} --budget {budget}`, \
+         and what else the tables say of each run. Lines are means over seeds, bands reach from the \
+         worst to the best seed.{more}\n"
+    );
+    if !missing.is_empty() {
+        let (count, names) = (counted(missing.len() as u64, "job"), missing.join("`, `"));
+        out += &format!("\n**Not complete**: {count} missing: `{names}`.\n");
+    }
+    out
+}
+
+/// Writes a figure as data and as drawings; returns its section of the report.
+pub fn section(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Result<String, Report> {
+    let (name, title) = (figure.name, figure.title);
+    let (panels, maps) = (panels(figure, methods), rows(figure, methods));
+    let csv = if let [Panel { labels, .. }, ..] = &panels[..] {
+        let lines = panels.iter().flat_map(|panel| &panel.lines);
+        table(lines, [labels[0], "value"], [0.0, f64::INFINITY])?
+    } else {
+        walks_csv(methods)?
+    };
+    folder.write(&format!("data/{name}.csv"), &csv)?;
+    let sheet = draw(title, &panels.iter().map(Panel::chart).collect::<Vec<_>>(), &maps);
+    for format in [Format::Svg, Format::Png] {
+        let file = format!("figures/{name}.{}", format.extension());
+        folder.write(&file, &format.encode(&sheet)?)?;
+    }
+    let shown = match figure.shows {
+        Shows::Bridge => format!("{BRIDGE_SEARCH} {MAPS}"),
+        Shows::Paths => MAPS.to_owned(),
+        _ => last_values(figure, methods, &panels),
+    };
+    Ok(format!(
+        "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
+         [CSV](data/{name}.csv)\n\n{shown}"
+    ))
+}
+
+/// Formats the mean, and the range if there are several seeds.
+fn numbers(values: &[f64], digits: usize) -> String {
+    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    match values {
+        [] => "-".to_owned(),
+        [value] => format!("{value:.digits$}"),
+        _ => format!("{mean:.digits$} ({least:.digits$} to {most:.digits$})"),
+    }
+}
+
+/// Returns how a method was run: learner and planner, preset, changed settings, length, seeds.
+fn run(method: &MethodRuns) -> String {
+    let settings = method.results.first().map_or(String::new(), |result| {
+        result.settings.iter().map(|setting| format!(" `{setting}`")).collect::<String>()
+    });
+    let length = method.plan().length;
+    let length = counted(length.amount(), length.unit().trim_end_matches('s'));
+    let (name, preset, seeds) = (method.entry.method(), method.entry.preset, method.results.len());
+    format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
+}
+
+/// What a column shows of a method, given its line in the first chart.
+type Show = fn(&MethodRuns, &Line) -> String;
+
+fn columns(figure: &Figure) -> &'static [(&'static str, Show)] {
+    match figure.shows {
+        Shows::DistanceLeft => {
+            &[("reached at the end", reached_at_the_end), ("environment steps", steps)]
+        }
+        Shows::Success if figure.world != "fetch-reach" => &[
+            ("anywhere", |method, _| random(method, |random| random.anywhere)),
+            ("as in training", |method, _| random(method, |random| random.as_in_training)),
+            ("environment steps", steps),
+        ],
+        Shows::Datasets => &[("seconds", |method, _| {
+            numbers(&method.results.iter().map(|result| result.seconds).collect::<Vec<f64>>(), 0)
+        })],
+        _ => &[("environment steps", steps)],
+    }
+}
+
+/// Returns the last values of a figure, beside the published ones.
+fn last_values(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> String {
+    let columns = columns(figure);
+    let is_ogbench = figure.shows == Shows::Datasets;
+    let about = match figure.shows {
+        Shows::DistanceLeft => "Ours: left at the end.".to_owned(),
+        Shows::SuccessByDistance => "Ours: at the largest distance.".to_owned(),
+        Shows::Datasets => {
+            let episodes = counted(methods[0].plan().last_tasks.into(), "episode");
+            format!("Success in per cent, {episodes} of each of the five tasks, {DATASETS}")
+        }
+        _ if figure.world == "fetch-reach" => format!("{ARM}\n\n{AT_THE_END}"),
+        _ => format!("{AT_THE_END}{RANDOM}"),
+    };
+    let published = if is_ogbench { &PUBLISHED_METHODS[..] } else { &["paper"] };
+    let ours = panels.iter().map(|panel| format!("ours: {}", panel.labels[1]));
+    let texts = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>();
+    let mut head = texts(&["method"]);
+    head.extend(texts(published).into_iter().chain(ours));
+    head.extend(columns.iter().map(|(head, _)| (*head).to_owned()).chain(["run".to_owned()]));
+    let mut rows = vec![head];
+    for (i, method) in methods.iter().enumerate() {
+        let mut row = texts(&[method.entry.title]);
+        if is_ogbench {
+            let success = published_on(method.entry.name).unwrap_or([None; _]);
+            row.extend(success.map(|own| own.map_or("-".to_owned(), |own| own.to_string())));
+        } else {
+            let paper = figure.paper.iter().find(|(name, _)| *name == method.entry.name);
+            row.push(paper.map_or("-", |(_, text)| text).to_owned());
+        }
+        row.extend(panels.iter().map(|panel| {
+            let (times, digits) = match panel.top {
+                Some(_) if is_ogbench => (100.0, 0),
+                Some(_) => (1.0, 3),
+                None => (1.0, 1),
+            };
+            let last = last(&panel.lines[i]).into_iter().map(|value| times * value);
+            numbers(&last.collect::<Vec<f64>>(), digits)
+        }));
+        row.extend(columns.iter().map(|(_, show)| show(method, &panels[0].lines[i])));
+        row.push(run(method));
+        rows.push(row);
+    }
+    let alignment = format!("l{}l", "r".repeat(rows[0].len() - 2));
+    format!("{about}\n\n{}", markdown_table(&alignment, &rows))
+}
+
+fn steps(method: &MethodRuns, _: &Line) -> String {
+    let last = method.results.iter().filter_map(|result| result.evaluations.last());
+    last.map(|at| at.env_steps).max().unwrap_or(0).to_string()
+}
+
+fn random(method: &MethodRuns, of: fn(&RandomTasks) -> f64) -> String {
+    let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
+    let values = measured.filter_map(|measured| measured.random.as_ref().map(of));
+    numbers(&values.collect::<Vec<f64>>(), 3)
+}
+
+fn reached_at_the_end(_: &MethodRuns, line: &Line) -> String {
+    let left = last(line);
+    let reached = left.iter().filter(|left| **left == 0.0).count();
+    format!("{reached} of {}", counted(left.len() as u64, "seed"))
 }

@@ -8,7 +8,7 @@ use miette::{Report, miette};
 use super::{By, Measure, Options, csv_of};
 use crate::experiment::runs::SavedRun;
 use crate::experiment::spec::told_apart;
-use crate::figure::{Chart, Curve, Point, Range, colour};
+use crate::figure::{Chart, Curve, Point, colour, round_top};
 use gdg::draw::Rgb;
 use gdg::text::sanitized;
 
@@ -114,15 +114,15 @@ pub fn charts(lines: &[Line], options: &Options, x: [f64; 2]) -> Vec<Chart> {
                 title: line.chart.clone(),
                 labels: [options.x.label(), options.y.label()].map(str::to_owned),
                 x,
-                y: Range::SHARE,
+                top: 1.0,
                 curves: vec![curve],
             }),
         }
     }
     if options.y == Measure::Error {
         let points = charts.iter().flat_map(|chart| &chart.curves).flat_map(|curve| &curve.points);
-        let range = Range::of_errors(points.flat_map(|point| [point.low, point.high]));
-        charts.iter_mut().for_each(|chart| chart.y = range);
+        let top = round_top(points.map(|point| point.high));
+        charts.iter_mut().for_each(|chart| chart.top = top);
     }
     charts
 }

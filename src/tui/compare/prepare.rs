@@ -1,18 +1,24 @@
 //! The two runs, prepared from the command line.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::builder::{PossibleValue, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
+use clap::{Arg, Args};
 use miette::{Report, miette};
 
 use super::LETTERS;
 use crate::host::maps;
 use crate::host::report::{from_checkpoint_error, from_config_error};
 use crate::host::setup;
+use crate::host::values::{MethodParser, counts, parse_threads};
 use gdg::env::{PointMaze, maze};
+use gdg::files::has_extension;
 use gdg::job::Job;
 use gdg::learn::Threads;
-use gdg::map::{Grid, Reading};
+use gdg::map::{Grid, Reading, builtin};
 use gdg::text::sanitized;
 use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
@@ -24,19 +30,38 @@ pub enum Contender {
     Checkpoint(PathBuf),
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct ComparisonOptions {
-    /// Methods or checkpoints, from left to right.
-    pub contenders: [Contender; 2],
-    /// Built-in map or map file; otherwise the checkpoint's, or the default one.
+    /// On the left: a method as in --method, or LEARNER+PLANNER, or a checkpoint
+    #[arg(value_name = "A", value_parser = ContenderParser)]
+    pub a: Contender,
+
+    /// Method or checkpoint on the right
+    #[arg(value_name = "B", value_parser = ContenderParser, hide_possible_values = true)]
+    pub b: Contender,
+
+    /// Built-in map or map file [default: fourrooms, or the map of the checkpoint]
+    #[arg(value_name = "MAP")]
     pub map: Option<PathBuf>,
-    pub reading: Reading,
-    /// Random seed of methods; otherwise the checkpoint's, or 0.
+
+    /// Random seed of both methods: same seed, same runs [default: 0, or the checkpoint's]
+    #[arg(long, value_parser = counts::<u64>(0..=u64::MAX))]
     pub seed: Option<u64>,
-    /// Changes of settings of both, or of one side, `[A:|B:]NAME=VALUE`.
+
+    /// Change one setting of both methods, or of one side (repeatable)
+    #[arg(long, value_name = "[A:|B:]NAME=VALUE")]
     pub set: Vec<String>,
-    /// Threads per side; otherwise half of the cores.
+
+    /// Threads that share each update of a side: a number, or auto for as many as make it faster at
+    /// the moment, up to half of this machine's cores; results do not depend on it
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = parse_threads)]
     pub threads: Threads,
+}
+
+impl ComparisonOptions {
+    fn contenders(&self) -> [&Contender; 2] {
+        [&self.a, &self.b]
+    }
 }
 
 pub struct Contestant {
@@ -56,13 +81,14 @@ pub struct Contestants {
 /// Says how far it is to `progress`.
 pub fn prepare(
     options: &ComparisonOptions,
+    reading: &Reading,
     registry: &Arc<Registry>,
     progress: &Job,
 ) -> Result<Contestants, Report> {
     check(options)?;
     let load = |own: usize| {
         progress.begin(own, LETTERS.len());
-        let path = options.contenders[own].checkpoint();
+        let path = options.contenders()[own].checkpoint();
         path.map(|path| load(path, options, registry)).transpose()
     };
     let saved = [load(0)?, load(1)?];
@@ -73,7 +99,7 @@ pub fn prepare(
     let beside = found.map(|(trainer, map)| (map.clone(), trainer.run().seed));
     let contestant = |own: usize, saved: Option<(Trainer, Arc<Grid>)>| {
         let letter = LETTERS[own];
-        match (&options.contenders[own], saved) {
+        match (options.contenders()[own], saved) {
             (Contender::Checkpoint(path), Some((trainer, _))) => {
                 let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
                 let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
@@ -82,7 +108,7 @@ pub fn prepare(
                 Ok(Contestant { trainer, title, is_paused: true })
             }
             (Contender::Method(method), _) => {
-                begin(method, letter, beside.as_ref(), options, registry)
+                begin(method, letter, beside.as_ref(), (options, reading), registry)
             }
             (Contender::Checkpoint(path), None) => Err(without_map(path)),
         }
@@ -109,19 +135,20 @@ fn check(options: &ComparisonOptions) -> Result<(), Report> {
             ));
         }
         let of_side = |side: &String| prefix.is_none_or(|prefix| side == prefix);
-        let mut own = options.contenders.iter().zip(&sides).filter(|(_, side)| of_side(side));
+        let mut own =
+            options.contenders().into_iter().zip(&sides).filter(|(_, side)| of_side(side));
         if own.all(|(contender, _)| is_saved(contender)) {
             let help = "a checkpoint has its settings: resume it to change them, and save it";
             return Err(miette!(help = help, "--set {setting}: changes no method"));
         }
     }
-    let saved = options.contenders.iter().filter_map(Contender::checkpoint);
+    let saved = options.contenders().into_iter().filter_map(Contender::checkpoint);
     if let (Some(map), Some(checkpoint)) = (&options.map, saved.clone().next()) {
         let help = "leave the map out: a checkpoint has its own";
         let (map, checkpoint) = (map.display(), checkpoint.display());
         return Err(miette!(help = help, "{map}: the map is that of {checkpoint}"));
     }
-    if options.seed.is_some() && options.contenders.iter().all(is_saved) {
+    if options.seed.is_some() && options.contenders().into_iter().all(is_saved) {
         return Err(miette!("--seed: checkpoints have their own seeds"));
     }
     Ok(())
@@ -171,7 +198,7 @@ fn begin(
     method: &Method,
     letter: char,
     beside: Option<&(Arc<Grid>, u64)>,
-    options: &ComparisonOptions,
+    (options, reading): (&ComparisonOptions, &Reading),
     registry: &Arc<Registry>,
 ) -> Result<Contestant, Report> {
     let side = letter.to_string();
@@ -185,7 +212,7 @@ fn begin(
         setup::maze_on(map.clone(), map.name(), &run)?
     } else {
         let map = options.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP));
-        setup::open_maze(map, &options.reading, &run, registry)?
+        setup::open_maze(map, reading, &run, registry)?
     };
     let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
         (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),
@@ -194,6 +221,39 @@ fn begin(
     let title = format!("{side} {} {}{}", method.name(), preset.name(), own.collect::<String>());
     let trainer = setup::begin(run, &maze, registry, options.threads.share(LETTERS.len()))?;
     Ok(Contestant { trainer, title, is_paused: false })
+}
+
+/// Parses a method or the path of a checkpoint, and lists the named methods.
+#[derive(Clone)]
+struct ContenderParser;
+
+impl TypedValueParser for ContenderParser {
+    type Value = Contender;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&Arg>,
+        value: &OsStr,
+    ) -> Result<Contender, clap::Error> {
+        let path = Path::new(value);
+        if has_extension(path, "safetensors") {
+            return Ok(Contender::Checkpoint(path.to_owned()));
+        }
+        let method = MethodParser.parse_ref(command, arg, value);
+        method.map(Contender::Method).map_err(|mut error| {
+            let name = value.to_string_lossy();
+            if builtin(&name).is_some() || path.is_file() {
+                let tip = format!("a map comes last: gdg-tui compare A B {}", sanitized(&name));
+                error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            }
+            error
+        })
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        MethodParser.possible_values()
+    }
 }
 
 const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \

@@ -1,7 +1,7 @@
 //! Curves as a figure, and as a table (CSV).
 
 use super::ExportError;
-use crate::figure::{Chart, Curve, MILLIMETRE, Page, Point, Range, Sheet, colour};
+use crate::figure::{Chart, Curve, MILLIMETRE, Page, Point, Sheet, colour, round_top};
 use crate::tui::screen::Screen;
 use gdg::engine::Snapshot;
 use gdg::train::Evaluation;
@@ -42,7 +42,7 @@ pub fn figure(screen: &Screen, title: &str) -> Sheet {
             title: String::new(),
             labels: ["updates", label].map(str::to_owned),
             x: [0.0, last],
-            y: if series.len() == 3 { Range::SHARE } else { Range::of_errors(values) },
+            top: if series.len() == 3 { 1.0 } else { round_top(values) },
             curves: series.iter().enumerate().filter(is_known).map(curve).collect(),
         }
     };

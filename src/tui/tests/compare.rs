@@ -198,11 +198,11 @@ fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     });
 }
 
-fn options(contenders: [Contender; 2]) -> ComparisonOptions {
+fn options([a, b]: [Contender; 2]) -> ComparisonOptions {
     ComparisonOptions {
-        contenders,
+        a,
+        b,
         map: None,
-        reading: gdg::map::Reading::default(),
         seed: None,
         set: vec!["hidden=16".to_owned(), "buffer_size=20000".to_owned()],
         threads: gdg::learn::Threads::Fixed(1),
@@ -223,9 +223,11 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     let hall = in_world(&PointMaze::new(hall, 0), "hall.safetensors");
     let arm = in_world(&FetchReach::new(0), "arm.safetensors");
     let method = || Contender::Method("her".parse().expect("a method"));
-    let registry = Registry::builtin();
     // A method begins on its map, with its seed.
-    let prepared = prepare(&options([saved.clone(), method()]), &registry, &Job::default());
+    let registry = &Registry::builtin();
+    let prepare =
+        |options| prepare(&options, &gdg::map::Reading::default(), registry, &Job::default());
+    let prepared = prepare(options([saved.clone(), method()]));
     let [a, b] = prepared.expect("a run beside a method").both;
     assert_eq!([a.is_paused, b.is_paused], [true, false]);
     assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
@@ -252,10 +254,10 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
         (options([arm, method()]), "is of a world without a map"),
         (options([Contender::Checkpoint("none".into()), method()]), "none"),
     ] {
-        let error = prepare(&options, &registry, &Job::default()).err().expect("it is refused");
+        let error = prepare(options).err().expect("it is refused");
         assert!(error.to_string().contains(problem), "{error}");
     }
-    let contestants = prepare(&own, &registry, &Job::default()).expect("two saved runs").both;
+    let contestants = prepare(own).expect("two saved runs").both;
     let (mut comparison, _engines) = start(contestants, Limits::default());
     let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
