@@ -33,6 +33,7 @@ pub enum Action {
     /// Colour the map by the next (`true`) or the previous field.
     Field(bool),
     Toggle(Overlay),
+    Marker,
     ZoomIn,
     ZoomOut,
     ZoomOff,

@@ -12,6 +12,7 @@ pub enum TerminalRequest {
     /// Give the terminal back and stop the program until it is resumed.
     Suspend,
     Redraw,
+    /// Draw in the new size.
     Resize,
 }
 
@@ -25,6 +26,7 @@ pub trait Interface {
     /// Handles the passing of time; returns whether the screen changes.
     fn on_tick(&mut self) -> bool;
 
+    /// Returns what the terminal is to do, and clears the request.
     fn take_terminal_request(&mut self) -> Option<TerminalRequest>;
 
     /// Whether training runs, so that the screen changes all the time.
@@ -42,6 +44,7 @@ pub trait Interface {
 
     fn report(&mut self, problem: &str);
 
+    /// Returns the pictures that belong to the frame.
     fn pictures(&self) -> Vec<&Picture> {
         Vec::new()
     }
@@ -63,6 +66,7 @@ pub struct ClosedRun {
 }
 
 impl Default for ClosedRun {
+    /// Nothing was to be saved, and nothing has failed.
     fn default() -> Self {
         Self { summary: String::new(), files: String::new(), saved: Ok(()), failed: false }
     }

@@ -4,6 +4,8 @@ mod actions;
 mod arm;
 mod compare;
 mod dialogs;
+mod found;
+mod goals;
 mod mouse;
 mod past;
 mod picture;

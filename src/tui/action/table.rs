@@ -268,6 +268,9 @@ const VIEW: &[Binding] = &[
         .short("projection"),
     watch_scene(A::Alone, "alone", &["shift-z"])
         .about("show the chosen projection alone, or all", "single full"),
+    watch(A::Marker, "marker", &["m"], |s, _| view::change_marker(s))
+        .about("pixels, half blocks, quadrants or braille", "characters symbols resolution font")
+        .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
         .about("dark, light or colour-blind-safe", "themes colors color scheme mode palette black"),
 ];

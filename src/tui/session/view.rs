@@ -3,6 +3,7 @@
 use super::Cx;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlays;
+use crate::tui::marker::Marker;
 use crate::tui::panes::Pane;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
@@ -39,6 +40,16 @@ pub fn toggle_overlay(cx: &mut Cx, action: Action) {
     let shown = screen.overlays.toggle(overlay);
     cx.scene.act(action, screen, &mut cx.link);
     screen.say(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
+}
+
+pub fn change_marker(cx: &mut Cx) {
+    let screen = &mut cx.screen;
+    let all = Marker::ALL;
+    let at = all.iter().position(|m| *m == screen.marker).unwrap_or(0);
+    screen.marker = all[(at + 1) % all.len()];
+    let none = screen.marker == Marker::Pixels && screen.picture_character().is_none();
+    let more = if none { " (not supported here: as auto)" } else { "" };
+    screen.say(&format!("marker: {}{more}", screen.marker.name()));
 }
 
 pub fn set_theme(screen: &mut Screen, name: ThemeName) {

@@ -1,11 +1,9 @@
-//! The arm and spaces of goals that the program knows nothing about: projections, goals by mouse and
-//! keys, unavailable actions, and switching between worlds.
+//! The arm: projections, goals by mouse and keys, unavailable actions, and switching between
+//! worlds.
 
 use super::*;
-use crate::tui::panes::Pane;
 use crate::tui::scene::Scene as Shown;
-use gdg::env::{FetchReach, GoalSpace, Rendering, Scene};
-use gdg::train::DataSource;
+use gdg::env::{FetchReach, Scene};
 use gdg::viewer::space::Plane;
 use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
 
@@ -140,7 +138,7 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
 fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
     let mut app = arm_app();
     for (width, height) in [(1, 1), (7, 3), (40, 10), (80, 24), (400, 120)] {
-        for keys in ["", "P", "P", "P", "+++++++", "Z"] {
+        for keys in ["", "P", "P", "P", "+++++++", "Z", "m", "m", "m"] {
             type_text(&mut app, keys);
             draw(&mut app, width, height);
         }
@@ -184,78 +182,4 @@ fn maps_and_worlds_open_from_each_others_screens() {
             }
         });
     }
-}
-
-/// Returns an app in the space of an arm's goals, with a made-up view, drawn at the given size.
-pub(super) fn goals_app(width: u16, height: u16) -> Still {
-    let arm = FetchReach::new(0);
-    let mut snapshot = Snapshot::clone(&still_in(&arm, Method::default()).screen.snapshot);
-    snapshot.scene = Scene::Goals(Box::new(GoalSpace::of(&arm, None)));
-    let mut app = still_at(snapshot);
-    app.set_arm_goal([1.42, 0.83, 0.6]);
-    // What is known of the space decides which part is shown.
-    for _ in 0..2 {
-        draw(&mut app, width, height);
-        let view = SpaceView { pose: None, ..staged_view(&app) };
-        app.on_view(View::Space(Arc::new(view)));
-    }
-    app
-}
-
-#[test]
-fn the_worlds_own_picture_is_beside_the_space_if_there_is_one() {
-    // Dark, but for a green floor.
-    let mut app = goals_app(120, 40);
-    app.act(Action::Alone);
-    let pixel = |i: usize| if i < 2 * 16 { [20, 20, 30] } else { [30, 200, 60] };
-    let picture = Rendering::new(16, (0..16 * 8).map(pixel).collect());
-    let mut view = (*app.space().view).clone();
-    let mut with = |picture, app: &mut Still| {
-        view.picture = Some(picture);
-        app.on_view(View::Space(Arc::new(view.clone())));
-        let shown = shown_by(app, 120, 40);
-        (app.screen.layout.projections[0].frame.area.width, shown)
-    };
-    let (beside, _) = with(Ok(Arc::new(picture)), &mut app);
-    assert!(app.screen.layout.picture.is_some());
-    let floor = ratatui::style::Color::Rgb(30, 200, 60);
-    let drawn = draw(&mut app, 120, 40);
-    assert!(drawn.backend().buffer().content.iter().any(|cell| cell.bg == floor));
-    // Where there is none, the space has the width again, and the notice says why.
-    let (alone, shown) = with(Err("gladLoadGL error".to_owned()), &mut app);
-    assert!(shown.contains("no picture of the world: gladLoadGL error"), "{shown}");
-    assert!(alone > beside && app.screen.layout.picture.is_none());
-}
-
-#[test]
-fn a_failure_of_the_environment_is_read_whole_on_a_small_screen() {
-    let mut app = goals_app(80, 24);
-    let cause = "PointMaze_UMaze-v3: its Python process has ended: killed by signal 9\n  one last \
-                 line of the environment, which says what it did before it was killed";
-    app.change_snapshot(|snapshot| {
-        snapshot.phase = gdg::engine::Phase::Failed(cause.to_owned());
-    });
-    let shown = shown_by(&mut app, 80, 24);
-    let words: Vec<&str> = shown.split(|c: char| c.is_whitespace() || c == '\u{2502}').collect();
-    let words = words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ");
-    for part in ["killed by signal 9", "what it did before it was killed", "save and quit"] {
-        assert!(words.contains(part), "{part:?} in\n{shown}");
-    }
-}
-
-#[test]
-fn a_run_that_learns_from_data_says_so_instead_of_agents() {
-    let mut app = goals_app(120, 40);
-    let source =
-        DataSource { file: "a/walks.npz".into(), checksum: 7, transitions: 1_000_000, episodes: 5 };
-    app.change_snapshot(|snapshot| {
-        (snapshot.data, snapshot.agents) = (Some(Arc::new(source)), Arc::default());
-    });
-    type_text(&mut app, "f");
-    app.act(Action::Show(Pane::Training));
-    let shown = shown_by(&mut app, 120, 40);
-    assert!(shown.contains("walks.npz") && shown.contains("1,000,000 recorded"), "{shown}");
-    app.act(Action::Show(Pane::Walk));
-    let shown = shown_by(&mut app, 80, 24);
-    assert!(shown.contains("do not act:") && shown.contains("learns from data"), "{shown}");
 }

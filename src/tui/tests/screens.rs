@@ -49,7 +49,7 @@ fn screens_match_their_snapshots() {
     app.screen.pane = Pane::Legend;
     check("overlays", &mut app, 120, 40);
     check("arm", &mut arm::staged_app(120, 40), 120, 40);
-    check("goals", &mut arm::goals_app(120, 40), 120, 40);
+    check("goals", &mut goals::staged_app(120, 40), 120, 40);
     check("comparison", &mut compare::staged(120, 40), 120, 40);
     let mut list = crate::tui::runs::tests::screen();
     type_text(&mut list, " j j ");

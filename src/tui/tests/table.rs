@@ -49,7 +49,7 @@ impl Stage {
             }
             Filmed => Box::new(past::filmed_app(&[1, 2_500, 5_000], width, height)),
             Arm => Box::new(arm::staged_app(width, height)),
-            Goals => Box::new(arm::goals_app(width, height)),
+            Goals => Box::new(goals::staged_app(width, height)),
             Both => Box::new(compare::staged(width.max(60), height.max(18))),
             List => Box::new(screen()),
         }
@@ -121,6 +121,7 @@ const ROWS: &[Row] = &[
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (Run, LARGE, "f2", &["exploring agent"], &[]),
     (New, SMALL, "ff{esc}", &["following the walking agent @"], &[]),
+    (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
     (Run, LARGE, "v", &["D from S"], &[]),
     (New, SMALL, "i", &["cell 19,4"], &[]),
     // Over the wall at column 10, and not beyond the map.
