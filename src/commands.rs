@@ -51,6 +51,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
         Some(Command::Compare(args)) => train::compare(&args, registry),
         Some(Command::Suite(options)) => {
             logging::start(LevelFilter::Info);
+            let registry = &prepare::registry_of_suite(&options, registry).map_err(bad_input)?;
             let suite = suite::prepare(&options, registry).map_err(bad_input)?;
             suite.run().map_err(failure)
         }

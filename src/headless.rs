@@ -388,7 +388,7 @@ impl Saver {
             eprint_line(&error.to_string());
         }
         let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
-        trainer.world().take_warnings().iter().for_each(|warning| eprint_line(warning));
+        trainer.take_warnings().iter().for_each(|warning| eprint_line(warning));
         let requested = self.to.path();
         if path != requested {
             let may_replace =

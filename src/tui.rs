@@ -82,7 +82,7 @@ use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
 pub use marker::Marker;
-pub use measure::{MeasuredInterface, MeasuredScreen};
+pub use measure::MeasuredInterface;
 pub use runs::{Opened, Opener, RunsScreen};
 use session::Session;
 use terminal::Stage;

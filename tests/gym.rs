@@ -323,6 +323,24 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn jobs_with_another_goal_radius_are_others_and_with_options_of_maps_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = |args: &[&str]| {
+        let mut command = program(folder.path());
+        command.env("VIRTUAL_ENV", python().ancestors().nth(2).unwrap());
+        let output = command.args(["suite", "gym:awkward:Point-v0", "--list"]).args(args).output();
+        let output = output.unwrap();
+        (String::from_utf8_lossy(&output.stdout).into_owned(), stderr(&output))
+    };
+    let [own, near, far] =
+        [&[][..], &["--goal-radius", "0.1"], &["--goal-radius", "0.2"]].map(list);
+    assert!(own.0.contains("gymawkwardPoint-v0-gdg-bridge-1-"), "{own:?}");
+    assert!(own.0 != far.0 && near.0 != far.0, "{own:?} {near:?} {far:?}");
+    assert!(list(&["--cell", "2"]).1.contains("--cell applies only to maps"));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn the_example_of_an_environment_of_ones_own_trains_and_its_tasks_are_far() {
     let folder = tempfile::tempdir().unwrap();
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");

@@ -1,5 +1,7 @@
 //! `gdg-tui runs`: lines of JSON for scripts, and the screen on a terminal.
 
+use std::path::Path;
+
 use crate::ran::{SMALL, has_parts, program_in, ran};
 use serde_json::{Value, json};
 
@@ -72,6 +74,39 @@ fn runs_of_every_kind_are_lines_of_json() {
     let done = ran(command);
     assert_eq!(done.status, Some(2));
     has_parts(&done.err, &["elsewhere: cannot be read"]);
+}
+
+#[test]
+fn a_checkpoint_belongs_to_records_of_the_same_data_and_tasks() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("room.txt"), "....\n....\n").unwrap();
+    std::fs::write(path("room.scen"), "version 1\n0 room.txt 4 2 0 0 3 0 3\n").unwrap();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let data = data.join("crates/gdg/tests/data/ogbench/giant.npz");
+    for (fact, map, option, file) in [
+        ("data", "ogbench-pointmaze-giant", "--data", data),
+        ("scenario", "room.txt", "--scen", "room.scen".into()),
+    ] {
+        let mut command = program_in(folder.path());
+        command.args(["--no-ui", map, option]).arg(file).args(SMALL).args(["--max-updates", "5"]);
+        command.args(["--eval-tasks", "1", "--save", "a.safetensors", "--overwrite"]);
+        let done = ran(command);
+        assert_eq!(done.status, Some(0), "{}", done.err);
+        let listed = |records: String| {
+            std::fs::write(path("a.jsonl"), records).unwrap();
+            let mut command = program_in(folder.path());
+            command.args(["runs", ".", "--json"]);
+            let lines = ran(command).out;
+            lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<Value>>()
+        };
+        let one = listed(done.out.clone());
+        assert!(one.len() == 1 && one[0]["settings"][fact].is_string(), "{one:?}");
+        // Its records would have said so.
+        let two = listed(done.out.replace(&format!("\"{fact}\":"), "\"other\":"));
+        assert!(two.iter().filter(|run| run["settings"][fact].is_string()).count() == 1, "{two:?}");
+        assert_eq!(two.len(), 2);
+    }
 }
 
 #[test]

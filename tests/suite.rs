@@ -201,6 +201,9 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
     for variant in ["gdg-bridge default", "gdg-bridge no distillation", "sorb method sorb"] {
         assert!(components.iter().any(|line| line.contains(variant)), "{variant}: {components:?}");
     }
+    let refused = place.run(&["fetch-reach", "--goal-radius", "2", "--list"]);
+    assert_eq!(refused.status, Some(2));
+    has_parts(&refused.err, &["--goal-radius applies only to maps"]);
     let mut command = program_in(place.0.path());
     command.args(["suite", "fetch-reach", "trap", "--method", "gdg", "--sweep", "tau=0.01,0.02"]);
     command.args(["--budget", "300", "--eval-tasks", "1", "--out", "out"]).args(SMALL);
@@ -382,7 +385,7 @@ fn two_processes_share_the_jobs_of_a_folder() {
 }
 
 #[test]
-fn damaged_results_and_checkpoints_are_made_again() {
+fn a_checkpoint_that_cannot_be_resumed_is_kept_and_its_job_fails() {
     let place = Place::new();
     let args = ["maps/open.map", "--budget", "30", "--out", "out"];
     assert_eq!(place.run(&args).status, Some(0));
@@ -391,10 +394,22 @@ fn damaged_results_and_checkpoints_are_made_again() {
     std::fs::write(&path, &good[0][..100]).unwrap();
     let checkpoint = path.with_extension("safetensors");
     let bytes = std::fs::read(&checkpoint).unwrap();
-    std::fs::write(&checkpoint, &bytes[..bytes.len() - 100]).unwrap();
+    let other = ["maps/open.map", "--budget", "40", "--out", "other"];
+    assert_eq!(place.run(&other).status, Some(0));
+    let name = place.files("other/jobs").into_iter().find(|name| is_a(name, "safetensors"));
+    let of_other = std::fs::read(place.path("other/jobs").join(name.unwrap())).unwrap();
+    for (bytes, why) in
+        [(&bytes[..bytes.len() - 100], "is damaged"), (&of_other[..], "is of another run")]
+    {
+        std::fs::write(&checkpoint, bytes).unwrap();
+        let failed = place.run(&args);
+        assert_eq!(failed.status, Some(1), "{}", failed.err);
+        has_parts(&failed.err, &["0 jobs done, 1 to run", why, "move it away to begin anew"]);
+        assert!(std::fs::read(&checkpoint).unwrap() == bytes, "{why}: it is kept");
+    }
+    std::fs::remove_file(&checkpoint).unwrap();
     let again = place.run(&args);
     assert_eq!(again.status, Some(0), "{}", again.err);
-    has_parts(&again.err, &["0 jobs done, 1 to run", "begins again"]);
     assert_eq!(without_times(place.results("out")), without_times(good));
 }
 

@@ -7,7 +7,7 @@ use clap::Args;
 use log::LevelFilter;
 
 use crate::headless;
-use crate::host::maps::{GOAL_RADIUS, MapArgs, given};
+use crate::host::maps::{MapArgs, given};
 use crate::host::setup::RunChoice;
 use crate::host::values::{
     EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
@@ -137,13 +137,10 @@ impl TrainArgs {
         self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
     }
 
-    /// Returns the options given for maps. The goal radius of an environment in Python is not a
-    /// map's.
+    /// Returns the options given for maps; a checkpoint has the goal radius of any world.
     pub fn map_options(&self) -> Vec<&'static str> {
-        let mut given = self.reading.given();
-        let is_python = self.map().to_str().is_some_and(|name| name.starts_with("gym:"));
-        given.retain(|option| !is_python || self.resume.is_some() || *option != GOAL_RADIUS);
-        given
+        let resumed = self.resume.as_ref().map(|_| Path::new(""));
+        self.reading.only_for_maps(resumed.unwrap_or(self.map()))
     }
 
     /// Returns the options of a run without the interface.

@@ -6,13 +6,14 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::TrainArgs;
+use crate::experiment::suite;
 use crate::host::maps::{self, THRESHOLD, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
 use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::host::runs::{self, SAVES};
 use crate::host::setup::{self, Edit, Setup, settings};
 use crate::host::values::EditAt;
-use gdg::env::{Environment, PointMaze, maze};
+use gdg::env::{Environment, GymOptions, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
@@ -287,6 +288,19 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
         edits.retain(|edit| edit.updates != begun);
     }
     Ok(edits)
+}
+
+/// Returns the registry with the goal radius of environments in Python, unless other options of maps
+/// are given for a world that is none.
+pub fn registry_of_suite(
+    suite::Options { maps, reading, .. }: &suite::Options,
+    registry: &Arc<Registry>,
+) -> Result<Arc<Registry>, Report> {
+    let is_world = |name: &&PathBuf| registry.world_without_file(known_name(name)).is_some();
+    let mut given = maps.iter().filter(is_world).flat_map(|name| reading.only_for_maps(name));
+    let goal_radius = reading.goal_radius.map(|radius| radius as f32);
+    let options = GymOptions { goal_radius, ..GymOptions::default() };
+    given.next().map_or_else(|| Ok(registry.clone().with_gym(options)), |it| Err(not_a_maze(it)))
 }
 
 fn not_a_maze(option: &str) -> Report {

@@ -357,7 +357,7 @@ impl Runner<'_> {
         Ok(End::Done)
     }
 
-    /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
+    /// Resumes the job from its checkpoint; begins it if there is none.
     fn resume_or_begin(&self, i: usize) -> Result<Trainer, Report> {
         let job = self.open[i];
         let (own, length) = (self.all.folder.checkpoint(job), job.plan.length);
@@ -368,16 +368,17 @@ impl Runner<'_> {
         if let Some(checkpoint) =
             found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
         {
-            match train::load(&checkpoint, self.all.registry, 1) {
-                Ok(trainer) if job.is_run_of(&trainer) => {
-                    trainer.check_data().into_diagnostic()?;
-                    let done = length.done(&trainer.counters());
-                    self.say(i, &format!("resumes after {done} of {amount} {unit}"));
-                    return Ok(trainer);
-                }
-                Ok(_) => self.say(i, "its checkpoint is of another run: begins again"),
-                Err(error) => self.say(i, &format!("{error}: begins again")),
+            // It may be resumed another time.
+            let help = "it is kept: run this again, or move it away to begin anew";
+            let trainer = train::load(&checkpoint, self.all.registry, 1)
+                .map_err(|error| miette!(help = help, "{error}"))?;
+            if !job.is_run_of(&trainer) {
+                return Err(miette!(help = help, "{}: is of another run", checkpoint.display()));
             }
+            trainer.check_data().into_diagnostic()?;
+            let done = length.done(&trainer.counters());
+            self.say(i, &format!("resumes after {done} of {amount} {unit}"));
+            return Ok(trainer);
         }
         self.say(i, &format!("begins, {amount} {unit}"));
         let world = job.world.create(self.all.registry)?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use gdg::train::{Counters, EvaluateAt, Limits};
 
@@ -42,7 +42,7 @@ impl Length {
 }
 
 /// Recorded transitions that a job learns from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct JobData {
     #[serde(skip)]
     pub file: PathBuf,

@@ -406,6 +406,13 @@ mod tests {
             assert_eq!(rows, ["her 1 1000", "her 1 3000", "her 1 4000"]);
             assert_eq!(notes, [""; 0]);
         }
+        // What two were resumed from is part of both, of which the longer one is drawn.
+        let resumed = |file: &str, at: &[u64]| record(folder.path(), file, &begun, at, "");
+        let (short, long) = (resumed("b.jsonl", &[4]), resumed("c.jsonl", &[4, 5]));
+        let first_part = record(folder.path(), "a.jsonl", &json!({}), &[1, 3], first);
+        let (rows, notes) = drawn(&[short, long, first_part]);
+        assert_eq!(rows, ["her 1 1000", "her 1 3000", "her 1 4000", "her 1 5000"]);
+        assert!(notes.len() == 1 && notes[0].ends_with("b.jsonl"), "{notes:?}");
         let other = json!({"updates": 3000, "resumed": "three.safetensors"});
         let files = [
             record(folder.path(), "b.jsonl", &other, &[4], second),

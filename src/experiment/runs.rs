@@ -114,7 +114,12 @@ impl SavedRun {
             map: result.world,
             method: result.method.name(),
             variant: result.variant,
-            settings: with_preset(result.preset.name(), result.settings),
+            settings: facts(
+                result.preset.name(),
+                result.settings,
+                result.data.map(|data| data.checksum),
+                None,
+            ),
             seed: result.seed,
             updates: result.updates,
             evaluations: result.evaluations,
@@ -272,8 +277,18 @@ pub fn table(mut runs: Vec<Arc<SavedRun>>) -> String {
     aligned(&std::iter::once(head).chain(runs.iter().map(row)).collect::<Vec<_>>())
 }
 
-fn with_preset(preset: &str, settings: impl IntoIterator<Item = String>) -> Vec<String> {
-    [format!("preset={preset}")].into_iter().chain(settings).collect()
+/// Returns the preset, the settings that differ from it, and what else runs differ in: seeds are
+/// those of one thing only if they learned from the same data and were evaluated on the same tasks.
+fn facts(
+    preset: &str,
+    settings: impl IntoIterator<Item = String>,
+    data: Option<u32>,
+    scenario: Option<String>,
+) -> Vec<String> {
+    let data = data.map(|checksum| format!("data={checksum:08x}"));
+    let scenario = scenario.map(|tasks| format!("scenario={tasks}"));
+    let preset = [format!("preset={preset}")].into_iter();
+    preset.chain(settings).chain(data).chain(scenario).collect()
 }
 
 /// Reads all runs at `paths` that were evaluated, says how far it is, and what in folders cannot be
@@ -362,6 +377,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     let (found, history) = read_history(path).map_err(from_checkpoint_error)?;
     let changed = found.run.changed_settings();
     let settings = changed.iter().map(|(name, value)| setting_text(name, value));
+    let data = found.data.as_ref().map(|data| data.checksum);
     let mut evaluations = evaluations(&history);
     // What other methods reached before is not this method's.
     evaluations.retain(|at| history.methods().is_current(at.updates));
@@ -375,7 +391,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
             _ => Some(EDITED.to_owned()),
         },
         method: found.run.method.name(),
-        settings: with_preset(found.run.preset.name(), settings),
+        settings: facts(found.run.preset.name(), settings, data, found.scenario.clone()),
         seed: found.run.seed,
         updates: found.updates,
         evaluations,

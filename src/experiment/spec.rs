@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::measure::Measured;
-use super::plan::{Length, Plan};
+use super::plan::{JobData, Length, Plan};
 use crate::host::maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
@@ -26,8 +26,9 @@ const RESULTS_VERSION: u32 = 3;
 pub enum JobWorld {
     /// A map, with a start once a seed has drawn one.
     Maze(Arc<Grid>),
-    /// A world that needs no file, by the name that opens it.
-    Named(String),
+    /// A world that needs no file: the name that opens it, and what tells it apart from others of
+    /// that name, as other versions of its package.
+    Named(String, Option<String>),
 }
 
 impl JobWorld {
@@ -41,35 +42,42 @@ impl JobWorld {
         self.map().map_or_else(|| self.clone(), |map| Self::maze(map, seed))
     }
 
-    /// Returns the world that `name` opens, if it opens one without a map.
-    pub fn named(name: &str, registry: &Registry) -> Option<Self> {
-        let kind = registry.world_opened_by(name)?;
-        (kind.create.is_some() || kind.open.is_some()).then(|| Self::Named(name.to_owned()))
+    /// Opens the world called `name`, if it needs no map.
+    pub fn named(name: &str, registry: &Registry) -> Result<Option<Self>, Report> {
+        let world = registry.open(name).transpose().into_diagnostic()?;
+        Ok(world.map(|world| Self::Named(name.to_owned(), world.fingerprint())))
     }
 
     pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
         let map = || find_map(Path::new(name), &Reading::default(), registry);
-        Self::named(name, registry).map_or_else(|| Ok(Self::maze(&map()?, seed)), Ok)
+        Self::named(name, registry)?.map_or_else(|| Ok(Self::maze(&map()?, seed)), Ok)
     }
 
     pub fn name(&self) -> &str {
         match self {
             Self::Maze(map) => map.name(),
-            Self::Named(name) => name,
+            Self::Named(name, _) => name,
         }
     }
 
     pub fn map(&self) -> Option<&Arc<Grid>> {
         match self {
             Self::Maze(map) => Some(map),
-            Self::Named(_) => None,
+            Self::Named(..) => None,
+        }
+    }
+
+    fn fingerprint(&self) -> Option<String> {
+        match self {
+            Self::Maze(map) => Some(fingerprint(map)),
+            Self::Named(_, fingerprint) => fingerprint.clone(),
         }
     }
 
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
             Self::Maze(map) => Ok(Box::new(PointMaze::new(map.clone(), 0))),
-            Self::Named(name) => match registry.open(name) {
+            Self::Named(name, _) => match registry.open(name) {
                 Some(opened) => opened.into_diagnostic(),
                 None => Err(miette!("{name}: this build has no such world")),
             },
@@ -80,7 +88,7 @@ impl JobWorld {
         match self {
             Self::Maze(map) => PointMaze::downcast_ref(world)
                 .is_some_and(|maze| content(maze.map()) == content(map)),
-            Self::Named(name) => match name.split_once(':') {
+            Self::Named(name, _) => match name.split_once(':') {
                 Some((kind, argument)) => world.kind() == kind && argument.ends_with(world.title()),
                 None => world.kind() == name,
             },
@@ -112,7 +120,8 @@ pub struct JobSpec {
 impl JobSpec {
     pub fn new(world: JobWorld, label: &str, run: Run, plan: Plan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
-        let content = world.map().map_or(String::new(), |map| content(map));
+        let named = || world.fingerprint().unwrap_or_default();
+        let content = world.map().map_or_else(named, |map| content(map));
         let determines = (version, world.name(), content, &run, &plan);
         let mut determines = serde_json::to_value(determines).into_diagnostic()?;
         // The order in which settings are listed means nothing.
@@ -146,8 +155,9 @@ impl JobSpec {
             settings: changed.iter().map(|(name, value)| setting_text(name, value)).collect(),
             seed: self.run.seed,
             world: self.world.name().to_owned(),
-            fingerprint: self.world.map().map(|map| fingerprint(map)),
+            fingerprint: self.world.fingerprint(),
             updates: self.plan.length.amount(),
+            data: self.plan.data.clone(),
             seconds: 0.0,
             evaluations: Vec::new(),
             measured: None,
@@ -194,10 +204,13 @@ pub struct JobResult {
     /// Name of the map, or of the world if it has none.
     #[serde(rename = "map")]
     pub world: String,
-    /// What tells the map apart from others of its name; the first part is its size.
+    /// What tells the map or world apart from others of its name; the first part is a map's size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
     pub updates: u64,
+    /// What it learned from instead of acting.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<JobData>,
     /// Training time, without evaluation.
     pub seconds: f64,
     pub evaluations: Vec<EvaluationAt>,
@@ -283,6 +296,12 @@ mod tests {
             job("...\n", 1, |_, plan| plan.max_steps = None),
         ];
         assert!(others.iter().all(|other| other.key != one.key));
+        let named = |fingerprint: &str| {
+            let world = JobWorld::Named("gym:a:B-v0".to_owned(), Some(fingerprint.to_owned()));
+            JobSpec::new(world, "gdg", one.run.clone(), one.plan.clone()).expect("a job")
+        };
+        assert_ne!(named("a 1").key, named("a 2").key);
+        assert_eq!(named("a 1").open_result().fingerprint.as_deref(), Some("a 1"));
     }
 
     #[test]

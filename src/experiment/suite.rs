@@ -14,7 +14,7 @@ use super::runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
 use crate::figure::Format;
-use crate::host::maps::{MapArgs, find_map, warn, warnings};
+use crate::host::maps::{MapArgs, find_map, known_name, warn, warnings};
 use crate::host::report::from_map_error;
 use crate::host::setup::{self, Base, RunChoice};
 use crate::host::values::{MethodParser, counts, methods_help};
@@ -153,7 +153,10 @@ fn usual_updates(map: &Grid) -> u64 {
 /// Returns the world, the built-in map or the map file called `name`, or all `.map` files of that
 /// folder, sorted by name; all `.txt` files if it has none. Hidden files are left out.
 fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<JobWorld>, Report> {
-    if let Some(world) = name.to_str().and_then(|name| JobWorld::named(name, registry)) {
+    let opening = Waiting::on("opening the world");
+    let named = JobWorld::named(known_name(name), registry)?;
+    drop(opening);
+    if let Some(world) = named {
         return Ok(vec![world]);
     }
     let maze = |map: Grid| JobWorld::Maze(Arc::new(map));

@@ -19,9 +19,6 @@ const FEWEST_CELLS: usize = 4;
 /// The option for maps that are images.
 pub const THRESHOLD: &str = "--threshold";
 
-/// The option that is not only for maps.
-pub const GOAL_RADIUS: &str = "--goal-radius";
-
 /// How the file of a map is read.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Mazes of other programs")]
@@ -46,12 +43,14 @@ pub struct MapArgs {
 }
 
 impl MapArgs {
-    /// Returns the options that were given.
-    pub fn given(&self) -> Vec<&'static str> {
+    /// Returns the options given that are only for maps: the goal radius of an environment in
+    /// Python is not a map's.
+    pub fn only_for_maps(&self, world: &Path) -> Vec<&'static str> {
+        let is_python = world.to_str().is_some_and(|name| name.starts_with("gym:"));
         given([
             (self.cell.is_some(), "--cell"),
             (self.margin.is_some(), "--margin"),
-            (self.goal_radius.is_some(), GOAL_RADIUS),
+            (self.goal_radius.is_some() && !is_python, "--goal-radius"),
             (self.threshold.is_some(), THRESHOLD),
         ])
     }

@@ -29,7 +29,6 @@ pub enum Action {
     StartHere,
     NewStart,
     OnArrival,
-    Follow,
     /// Colour the map by the next (`true`) or the previous field.
     Field(bool),
     Toggle(Overlay),

@@ -7,29 +7,21 @@ use std::sync::Arc;
 use gdg::draw::{Raster, TextPixel, paint_text, positions_along, text_size};
 use gdg::map::Cell;
 
-use ratatui::layout::Rect;
-
 use super::raster::MapFrame;
-use super::theme::{Rgb, Theme, blend, contour, ink, lightness};
+use super::theme::{Rgb, Theme, blend, contour, ink};
 
-/// Height of capitals and digits, as a share of the text height.
 const CAPITAL_SHARE: f32 = 0.62;
 
 /// Black outlines make signs stand out on any ground in pictures.
 const SHADOW: Rgb = (0, 0, 0);
 
-/// Pixels that are covered at least so much by something hide a label there.
-const SOLID: f32 = 0.8;
-
 /// Lines are painted in pieces of this length, in pixels, to look only at pixels near them.
 const PIECE: f32 = 16.0;
 
-/// How something is painted.
 #[derive(Clone, Copy, Debug)]
 pub struct Ink {
     /// The colour; `None` for one that stands out from the ground.
     pub rgb: Option<Rgb>,
-    /// The opacity.
     pub share: f32,
     /// The character without colours, if it is shown then.
     pub mark: Option<char>,
@@ -56,20 +48,13 @@ pub enum Ground {
 /// A letter, a sign or a label on top of the pixels.
 #[derive(Clone, Debug)]
 pub enum Sign {
-    /// A letter on its own background.
     Letter([f32; 2], char, Rgb),
-    /// A sign on the existing background.
     Symbol([f32; 2], char, Option<Rgb>),
-    /// The value of a contour line.
-    Label(Label),
 }
 
-/// The pixels of a scene.
 #[derive(Debug)]
 pub struct Canvas {
-    /// Its place on the screen.
     pub frame: MapFrame,
-    /// What its pixels show.
     pub raster: Raster,
     /// Columns and rows of pixels in a character.
     pub character: (usize, usize),
@@ -81,13 +66,10 @@ pub struct Canvas {
     pub grounds: Arc<Vec<Ground>>,
     /// The character of each pixel without colours; none in pictures.
     pub marks: Vec<char>,
-    /// Pixels of contour lines, which do not become backgrounds; none in pictures.
-    pub thin: Vec<bool>,
     /// What lies on top, if characters show it.
     pub signs: Vec<Sign>,
-    /// Pixels that have changed since the last full paint, and those that hide labels.
+    /// Pixels that have changed since the last full paint.
     pub changed: Vec<usize>,
-    pub solid: Vec<usize>,
     /// How much of each pixel is covered by what is being painted, and where that is anything.
     cover: Vec<u8>,
     touched: Vec<usize>,
@@ -112,10 +94,8 @@ impl Canvas {
             pixels: vec![[0; 3]; count],
             grounds: Arc::new(vec![Ground::Outside; count]),
             marks: vec![' '; coarse],
-            thin: vec![false; coarse],
             signs: Vec::new(),
             changed: Vec::new(),
-            solid: Vec::new(),
             cover: vec![0; count],
             touched: Vec::new(),
         }
@@ -132,16 +112,13 @@ impl Canvas {
             pixels,
             grounds: self.grounds.clone(),
             marks: self.marks.clone(),
-            thin: self.thin.clone(),
             signs: self.signs.clone(),
             changed: Vec::new(),
-            solid: Vec::new(),
             cover: vec![0; self.cover.len()],
             touched: Vec::new(),
         }
     }
 
-    /// Returns the columns of pixels.
     pub fn columns(&self) -> usize {
         self.raster.pixels.0
     }
@@ -162,7 +139,6 @@ impl Canvas {
         length * self.raster.pixels.1 as f32 / self.raster.window[3] / self.unit()
     }
 
-    /// Converts a position to pixels.
     pub fn pixel(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         let Raster { window: [left, top, width, height], pixels: (columns, rows) } = self.raster;
         [(x - left) / width * columns as f32, (y - top) / height * rows as f32]
@@ -186,8 +162,7 @@ impl Canvas {
         self.cover[i] = self.cover[i].max(share);
     }
 
-    /// Covers the pixels within `radius` of a straight line between points in pixels, at least
-    /// those that it passes.
+    /// Covers the pixels within `radius` of a line between pixels, and those that it passes.
     fn trace(&mut self, ends: [[f32; 2]; 2], radius: f32) {
         let [from, to] = ends;
         let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
@@ -247,15 +222,11 @@ impl Canvas {
             if !self.is_fine {
                 self.marks[i] = ink.mark.unwrap_or(self.marks[i]);
                 self.changed.push(i);
-                if share >= SOLID {
-                    self.solid.push(i);
-                }
             }
         }
     }
 
-    /// Draws lines of a width in characters' heights, and at least a pixel; where several cross,
-    /// they are painted once.
+    /// Draws lines of a width in characters' heights, at least a pixel, and crossings once.
     pub fn lines(&mut self, lines: impl IntoIterator<Item = [[f32; 2]; 2]>, width: f32, ink: Ink) {
         let radius = 0.5 * (width * self.unit()).max(1.0);
         for ends in lines {
@@ -265,7 +236,6 @@ impl Canvas {
         self.apply(ink);
     }
 
-    /// Draws a line from stop to stop.
     pub fn line(&mut self, stops: &[[f32; 2]], width: f32, ink: Ink) {
         self.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), width, ink);
     }
@@ -293,19 +263,7 @@ impl Canvas {
         self.disc(at, radius, ink);
     }
 
-    /// Paints every pixel in the colour of its position.
-    pub fn fill(&mut self, colour: impl Fn([f32; 2]) -> [u8; 3]) {
-        for i in 0..self.pixels.len() {
-            self.pixels[i] = colour(self.raster.middle_of(i));
-        }
-        let light = |rgb: &[u8; 3]| lightness((*rgb).into());
-        let marks = self.pixels.iter().map(|rgb| shade(1.0 - light(rgb)));
-        self.marks = if self.is_fine { Vec::new() } else { marks.collect() };
-        self.grounds = Arc::new(vec![Ground::Floor; self.pixels.len()]);
-    }
-
-    /// Fills the pixels whose middles lie in a rectangle, from its upper left corner to the lower
-    /// right one.
+    /// Fills the pixels whose middles lie between these corners.
     pub fn rectangle(&mut self, corners: [[f32; 2]; 2], ink: Ink) {
         let [from, to] =
             corners.map(|at| self.pixel(at).map(|along| (along + 0.5).max(0.0) as usize));
@@ -334,7 +292,7 @@ impl Canvas {
         self.disc(at, radius + 1.5 / self.unit(), letters);
         self.disc(at, radius, Ink::new(rgb, 1.0, letter));
         let (at, height) = (self.pixel(at), 1.3 * radius * self.unit() / CAPITAL_SHARE);
-        self.text(&letter.to_string(), at, height, 0.0, true, Ink { share: 1.0, ..letters });
+        self.text(&letter.to_string(), at, height, true, Ink { share: 1.0, ..letters });
     }
 
     /// Draws a sign on the existing ground, by default in a colour that is readable there.
@@ -343,71 +301,19 @@ impl Canvas {
             return self.signs.push(Sign::Symbol(at, symbol, rgb));
         }
         let ink = Ink::new(rgb.unwrap_or(ink(self.colour(at))), 1.0, symbol);
-        self.text(&symbol.to_string(), self.pixel(at), 0.8 * self.unit(), 0.0, true, ink);
+        self.text(&symbol.to_string(), self.pixel(at), 0.8 * self.unit(), true, ink);
     }
 
-    /// Draws a flag whose pole stands at a position, or `symbol` as a character.
-    pub fn flag(&mut self, at: [f32; 2], symbol: char, rgb: Rgb) {
-        if !self.is_fine {
-            return self.symbol(at, symbol, Some(rgb));
+    /// Draws a mark: in pictures a disc, or `symbol` as a character.
+    pub fn mark(&mut self, at: [f32; 2], symbol: char, rgb: Rgb) {
+        if self.is_fine {
+            return self.agent(at, 0.15, Ink::new(rgb, 1.0, symbol));
         }
-        let (unit, [x, y]) = (self.unit(), self.pixel(at));
-        for (more, ink) in [(1.0, Ink::new(SHADOW, 0.6, symbol)), (0.0, Ink::new(rgb, 1.0, symbol))]
-        {
-            self.trace([[x, y], [x, y - 0.8 * unit]], 0.04 * unit + more);
-            for n in 0..=8 {
-                let from = [x, y - unit * (0.4 + 0.05 * n as f32)];
-                self.trace([from, [x + 0.5 * unit, y - 0.6 * unit]], 0.03 * unit + more);
-            }
-            self.apply(ink);
-        }
-    }
-
-    /// Draws an arrow around a position, or a dot if it is short.
-    pub fn arrow(&mut self, at: [f32; 2], [x, y]: [f32; 2]) {
-        const ARROWS: [char; 8] = [
-            '\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}',
-            '\u{2197}',
-        ];
-        let is_short = x.abs().max(y.abs()) < 0.1;
-        if !self.is_fine {
-            let eighth = (y.atan2(x) / std::f32::consts::FRAC_PI_4).round() as i32;
-            let arrow = ARROWS[eighth.rem_euclid(8) as usize];
-            return self.symbol(at, if is_short { '\u{b7}' } else { arrow }, None);
-        }
-        let ink = Ink::new(ink(self.colour(at)), 0.7, ' ');
-        let (at, unit, length) = (self.pixel(at), self.unit(), x.hypot(y).max(f32::MIN_POSITIVE));
-        let (x, y) = (x / length, y / length);
-        let along = |by: f32, aside: f32| {
-            [at[0] + unit * (by * x - aside * y), at[1] + unit * (by * y + aside * x)]
-        };
-        if is_short {
-            self.trace([at; 2], 0.08 * unit);
-        } else {
-            self.trace([along(-0.55, 0.0), along(0.5, 0.0)], 0.04 * unit);
-            for side in [-0.22, 0.22] {
-                self.trace([along(0.55, 0.0), along(0.2, side)], 0.06 * unit);
-            }
-        }
-        self.apply(ink);
-    }
-
-    pub fn cursor(&mut self, at: [f32; 2], rgb: Rgb) {
-        if !self.is_fine {
-            return self.letter(at, '+', rgb, 0.0);
-        }
-        let ([x, y], unit) = (self.pixel(at), self.unit());
-        for (more, ink) in [(1.0, Ink::new(SHADOW, 0.6, '+')), (0.0, Ink::new(rgb, 1.0, '+'))] {
-            for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
-                let ends = [0.15, 0.6].map(|by| [x + by * unit * dx, y + by * unit * dy]);
-                self.trace(ends, 0.05 * unit + more);
-            }
-            self.apply(ink);
-        }
+        self.symbol(at, symbol, Some(rgb));
     }
 
     /// Draws contour lines through points in pixels, in colours that are visible on their ground.
-    pub fn contours(&mut self, lines: &[&[[f32; 2]]], width: f32, theme: &Theme) {
+    pub fn contours(&mut self, lines: &[Vec<[f32; 2]>], width: f32, theme: &Theme) {
         let radius = 0.5 * (width * self.unit()).max(1.0);
         for points in lines {
             if self.is_fine {
@@ -416,50 +322,18 @@ impl Canvas {
                 points.iter().for_each(|at| self.trace([*at; 2], radius));
             }
         }
-        let (columns, count) = (self.columns(), self.pixels.len());
-        let line = |i: usize, canvas: &Self| {
-            let beside = [i.wrapping_sub(1), i + 1, i.wrapping_sub(columns), i + columns];
-            let beside = beside.into_iter().filter(|other| !canvas.is_fine && *other < count);
-            let beside = beside.filter(|other| canvas.grounds[*other] != Ground::Outside);
-            let beside: Vec<Rgb> = beside.map(|other| canvas.pixels[other].into()).collect();
-            let ground = canvas.pixels[i].into();
-            let share = f32::from(canvas.cover[i]) / 255.0;
-            (i, blend(ground, theme.contour(ground, &beside), share))
-        };
-        let touched = std::mem::take(&mut self.touched);
-        // Chosen before any is drawn: beside a line is ground.
-        let floor = touched.iter().copied().filter(|i| self.grounds[*i] != Ground::Wall);
-        let drawn: Vec<(usize, Rgb)> = floor.map(|i| line(i, self)).collect();
-        for (i, rgb) in drawn {
-            self.pixels[i] = rgb.into();
-            if !self.is_fine {
-                self.thin[i] = true;
+        for i in std::mem::take(&mut self.touched) {
+            let share = f32::from(std::mem::take(&mut self.cover[i])) / 255.0;
+            if self.grounds[i] == Ground::Wall {
+                continue;
             }
+            let ground = self.pixels[i].into();
+            self.pixels[i] = blend(ground, theme.contour(ground), share).into();
         }
-        touched.into_iter().for_each(|i| self.cover[i] = 0);
     }
 
-    /// Writes the values of contour lines.
-    pub fn label(&mut self, label: &Label) {
-        if !self.is_fine {
-            return self.signs.push(Sign::Label(label.clone()));
-        }
-        let ground = self.index(label.middle).map_or((0, 0, 0), |i| self.pixels[i].into());
-        let ink = Ink::new(ink(ground), 0.9, ' ');
-        self.text(&label.text, label.middle, label.size[1], label.angle(), false, ink);
-    }
-
-    /// Writes a line of text around a point in pixels, `height` pixels high, rotated clockwise by an
-    /// angle in rad.
-    fn text(
-        &mut self,
-        text: &str,
-        [x, y]: [f32; 2],
-        height: f32,
-        angle: f32,
-        is_bold: bool,
-        ink: Ink,
-    ) {
+    /// Writes a line of text around a point in pixels, `height` pixels high.
+    fn text(&mut self, text: &str, [x, y]: [f32; 2], height: f32, is_bold: bool, ink: Ink) {
         let [width, rows] = text_size(text, is_bold);
         let mut written = vec![0.0; width * rows];
         paint_text(text, is_bold, |TextPixel { column, row, coverage }| {
@@ -469,17 +343,16 @@ impl Canvas {
             let inside = (0..width as i32).contains(&column) && (0..rows as i32).contains(&row);
             if inside { written[row as usize * width + column as usize] } else { 0.0 }
         };
-        let (scale, (sin, cos)) = (rows as f32 / height, angle.sin_cos());
-        let reach = 0.5 * (width as f32).hypot(rows as f32) / scale + 1.0;
+        let scale = rows as f32 / height;
         let (columns, all) = self.raster.pixels;
-        let span = |at: f32, count: usize| {
+        let span = |at: f32, size: usize, count: usize| {
+            let reach = 0.5 * size as f32 / scale + 1.0;
             ((at - reach).max(0.0) as usize).min(count)..((at + reach).max(0.0) as usize).min(count)
         };
-        for row in span(y, all) {
-            for column in span(x, columns) {
-                let (right, down) = (column as f32 + 0.5 - x, row as f32 + 0.5 - y);
-                let u = scale * (cos * right + sin * down) + 0.5 * width as f32 - 0.5;
-                let v = scale * (cos * down - sin * right) + 0.5 * rows as f32 - 0.5;
+        for row in span(y, rows, all) {
+            for column in span(x, width, columns) {
+                let u = scale * (column as f32 + 0.5 - x) + 0.5 * width as f32 - 0.5;
+                let v = scale * (row as f32 + 0.5 - y) + 0.5 * rows as f32 - 0.5;
                 let (left, top) = (u.floor(), v.floor());
                 let (by, below, left, top) = (u - left, v - top, left as i32, top as i32);
                 let mix = |row: i32| at(left, row) * (1.0 - by) + at(left + 1, row) * by;
@@ -493,58 +366,9 @@ impl Canvas {
     }
 }
 
-/// Returns the length of `text` in pixels if it is `height` pixels high.
-pub fn text_width(text: &str, height: f32) -> f32 {
-    let [columns, rows] = text_size(text, false);
-    height / rows as f32 * columns as f32
-}
-
-/// The value of a contour line, written in a gap of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Label {
-    pub text: String,
-    /// Its middle, width and height in pixels.
-    pub middle: [f32; 2],
-    pub size: [f32; 2],
-    /// Its direction: to the right in characters.
-    pub along: [f32; 2],
-    /// The characters that it covers, unless it is in a picture.
-    pub area: Rect,
-}
-
-impl Label {
-    /// Returns the angle of the text, clockwise in rad; it is never upside down.
-    pub fn angle(&self) -> f32 {
-        let [x, y] = self.along;
-        if x < 0.0 { (-y).atan2(-x) } else { y.atan2(x) }
-    }
-
-    /// Returns whether a point in pixels lies in the gap.
-    pub fn contains(&self, at: [f32; 2]) -> bool {
-        let ([x, y], [across, down]) =
-            ([at[0] - self.middle[0], at[1] - self.middle[1]], self.along);
-        2.0 * (x * across + y * down).abs() < self.size[0]
-            && 2.0 * (y * across - x * down).abs() < self.size[1]
-    }
-
-    /// Returns the points within, about a pixel of the field apart.
-    pub fn points(&self, apart: f32) -> impl Iterator<Item = [f32; 2]> {
-        let counts = self.size.map(|side| (side / apart).ceil().max(1.0) as usize);
-        let at = move |i: usize, n: usize, side: f32| side * ((i as f32 + 0.5) / n as f32 - 0.5);
-        (0..counts[0] * counts[1]).map(move |i| {
-            let by = at(i % counts[0], counts[0], self.size[0]);
-            let aside = at(i / counts[0], counts[1], self.size[1]);
-            let ([x, y], [dx, dy]) = (self.middle, self.along);
-            [x + by * dx - aside * dy, y + by * dy + aside * dx]
-        })
-    }
-}
-
 /// Free ground without colours, from near (or good) to far.
 pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
 
-/// Returns the character that stands for a share (from 0 to 1) of the largest value without
-/// colours.
 pub fn shade(share: f32) -> char {
     SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }

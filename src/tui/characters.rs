@@ -1,27 +1,29 @@
 //! A canvas as characters: each shows two colours, or a sign without colours.
 
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Position, Rect};
+use ratatui::layout::Position;
 use ratatui::style::{Color, Modifier, Style};
 
-use super::canvas::{Canvas, Ground, Label, SHADES, Sign};
+use super::canvas::{Canvas, Ground, SHADES, Sign};
 use super::marker::Marker;
 use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
 
-/// The most pixels in a character.
-const MAX_PIXELS: usize = 8;
+const MAX_PIXELS: usize = 4;
 
-/// A wall without colours.
 pub const WALL_MARK: char = '#';
 
-/// An unvisited cell without colours.
 pub const UNVISITED_MARK: char = '/';
 
 /// A cell from which no path leads to the goal, without colours.
 pub const CUT_OFF_MARK: char = '\\';
 
-/// A bridge candidate without colours.
 pub const CANDIDATE_MARK: char = '\u{2022}';
+
+/// Blocks of two by two; bits of the index: upper left, upper right, lower left, lower right.
+pub const QUADRANTS: [char; 16] = [
+    ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}',
+    '\u{2597}', '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}', '\u{2588}',
+];
 
 impl Canvas {
     /// Writes all pixels as characters.
@@ -61,62 +63,25 @@ impl Canvas {
             *colour = shown.then(|| self.pixels[own(n)].into());
         }
         let merge = if theme.has_all_colours() { mean } else { most_frequent };
-        let (mut mask, mut front, mut back) = two_colours(&colours[..count], merge);
+        let (mask, front, back) = two_colours(&colours[..count], merge);
         let marker = self.frame.marker;
-        if marker == Marker::Braille && back.is_some() {
-            let thin = (0..count).fold(0, |thin, n| thin | u8::from(self.thin[own(n)]) << n);
-            if is_inside_out(mask, thin) {
-                (mask, front, back) = (!mask, back, front);
-            }
-        }
         let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
-        if theme.prefers_in_front(colour(back), colour(front)) {
-            let all = ((1u16 << count) - 1) as u8;
-            (mask, front, back) = (!mask & all, back, front);
-        }
         cell.set_char(glyph(marker, mask))
             .set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
 
-    /// Writes signs without a colour of their own, then labels unless something hides them, then
-    /// all other signs and letters.
+    /// Writes signs without a colour, and then other signs and letters.
     pub fn paint_signs(&self, buffer: &mut Buffer, theme: &Theme) {
-        let own = |sign: &Sign| match sign {
-            Sign::Letter(at, ..) | Sign::Symbol(at, _, Some(_)) => self.frame.character_of(*at),
-            Sign::Symbol(_, _, None) | Sign::Label(_) => None,
-        };
-        let hidden: Vec<Position> = (self.signs.iter().filter_map(own))
-            .chain(self.solid.iter().map(|i| self.character_at(*i)))
-            .collect();
-        for sign in &self.signs {
-            if let Sign::Symbol(at, symbol, None) = sign
-                && let Some(at) = self.frame.character_of(*at)
-            {
-                put(buffer, at, *symbol, None, theme);
-            }
-        }
-        for sign in &self.signs {
-            if let Sign::Label(Label { text, area, .. }) = sign
-                && !hidden.iter().any(|at| area.contains(*at))
-            {
-                let places = text.chars().zip(area.positions());
-                places.for_each(|(c, at)| put(buffer, at, c, None, theme));
-            }
-        }
-        for (sign, at) in self.signs.iter().filter_map(|sign| Some((sign, own(sign)?))) {
+        let is_plain = |sign: &&Sign| matches!(sign, Sign::Symbol(_, _, None));
+        let (plain, other): (Vec<&Sign>, Vec<&Sign>) = self.signs.iter().partition(is_plain);
+        for sign in plain.into_iter().chain(other) {
+            let (Sign::Letter(at, ..) | Sign::Symbol(at, ..)) = sign;
+            let Some(at) = self.frame.character_of(*at) else { continue };
             match sign {
                 Sign::Letter(_, letter, rgb) => put_letter(buffer, at, *letter, *rgb, theme),
                 Sign::Symbol(_, symbol, rgb) => put(buffer, at, *symbol, *rgb, theme),
-                Sign::Label(_) => {}
             }
         }
-    }
-
-    /// Returns the character that shows pixel `i`.
-    fn character_at(&self, i: usize) -> Position {
-        let ((across, down), Rect { x, y, .. }) = (self.character, self.frame.area);
-        let [column, row] = [i % self.columns() / across, i / self.columns() / down];
-        Position::new(x + column as u16, y + row as u16)
     }
 }
 
@@ -176,7 +141,7 @@ fn two_colours(colours: &[Option<Rgb>], merge: Merge) -> (u8, Option<Rgb>, Optio
     };
     let Some(first) = first.filter(|_| colours.iter().all(Option::is_some)) else {
         let mask = bits(&|c| c.is_some());
-        return (mask, merge(colours, mask, None), None);
+        return (mask, merge(colours, mask), None);
     };
     let apart = |a: Rgb, b: Rgb| {
         let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
@@ -184,58 +149,38 @@ fn two_colours(colours: &[Option<Rgb>], merge: Merge) -> (u8, Option<Rgb>, Optio
     };
     let other = colours.iter().flatten().copied().max_by_key(|c| apart(*c, first)).unwrap_or(first);
     let mask = bits(&|c| c.is_some_and(|c| apart(c, first) <= apart(c, other)));
-    (mask, merge(colours, mask, Some(first)), merge(colours, all & !mask, Some(other)))
+    (mask, merge(colours, mask), merge(colours, all & !mask))
 }
 
-/// Makes one colour of those in a mask, among them the most typical one of its group, if there are
-/// groups.
-type Merge = fn(&[Option<Rgb>], u8, Option<Rgb>) -> Option<Rgb>;
+/// Makes one colour of those in a mask.
+type Merge = fn(&[Option<Rgb>], u8) -> Option<Rgb>;
 
 fn in_mask(colours: &[Option<Rgb>], mask: u8) -> impl Iterator<Item = Rgb> + Clone {
     colours.iter().enumerate().filter(move |(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c)
 }
 
-fn mean(colours: &[Option<Rgb>], mask: u8, _: Option<Rgb>) -> Option<Rgb> {
+fn mean(colours: &[Option<Rgb>], mask: u8) -> Option<Rgb> {
     let (sum, n) = in_mask(colours, mask).fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
         ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
     });
     (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
 }
 
-/// Returns the most frequent of the colours in `mask`, preferably the `typical` one: with few
-/// colours, a mean of two kinds of ground may look like a third.
-fn most_frequent(colours: &[Option<Rgb>], mask: u8, typical: Option<Rgb>) -> Option<Rgb> {
+/// Returns the most frequent of the colours in `mask`: with few colours, a mean of two kinds of ground
+/// may look like a third.
+fn most_frequent(colours: &[Option<Rgb>], mask: u8) -> Option<Rgb> {
     let own = in_mask(colours, mask);
     let count = |colour: &Rgb| own.clone().filter(|other| other == colour).count();
-    own.clone().max_by_key(|colour| (count(colour), Some(*colour) == typical))
-}
-
-/// Returns whether a dot pattern, which has gaps, looks better with front and back swapped: the
-/// back should be the colour of most dots or, in a tie, the one that is not `thin`.
-fn is_inside_out(mask: u8, thin: u8) -> bool {
-    let count = |mask: u8| mask.count_ones();
-    count(mask) > 4 && mask != u8::MAX
-        || count(mask) == 4 && count(thin & !mask) > count(thin & mask)
+    own.clone().max_by_key(count)
 }
 
 /// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
 fn glyph(marker: Marker, mask: u8) -> char {
-    const QUADRANTS: [char; 16] = [
-        ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}',
-        '\u{2597}', '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}',
-        '\u{2588}',
-    ];
     match marker {
         Marker::Auto | Marker::Pixels | Marker::HalfBlock => {
             [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)]
         }
         Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
-        Marker::Braille => {
-            // Unicode numbers the dots of the left column first, and the bottom row last.
-            const DOTS: [u32; 8] = [0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80];
-            let dots: u32 = (0..8).filter(|i| mask >> i & 1 == 1).map(|i| DOTS[i]).sum();
-            char::from_u32(0x2800 + dots).unwrap_or(' ')
-        }
     }
 }
 
@@ -252,6 +197,5 @@ mod tests {
         assert_eq!(two_colours(&[Some(a), Some(a)], mean), (3, Some(a), Some(a)));
         assert_eq!(two_colours(&[Some(a), None], mean), (1, Some(a), None));
         assert_eq!(two_colours(&[None, None], mean), (0, None, None));
-        assert_eq!(glyph(Marker::Braille, 0b1100_0001), '\u{28c1}');
     }
 }

@@ -184,9 +184,7 @@ impl Comparison {
     /// Processes what the viewer of a side has published, even if the screen is frozen; the same
     /// distance has the same colour on both sides.
     pub fn follow(&mut self, own: usize, view: &View) {
-        if let View::Maze(view) = view {
-            self.race.observe(own, view);
-        }
+        self.race.observe(own, view);
         let farthest = self.sessions.iter().map(|session| session.scene.own_farthest());
         let farthest = farthest.fold(1.0, f32::max);
         self.sessions.iter_mut().for_each(|session| session.screen.least_farthest = farthest);

@@ -1,17 +1,15 @@
-//! Pictures in the terminal: the protocol it supports, and what it currently shows.
+//! Pictures in the terminal, by kitty's protocol (also of Ghostty, Konsole and WezTerm).
 //!
 //! `ratatui-image` does not suit pictures that change constantly. It resends the whole picture when
 //! a part changes, never deletes one, and its query leaves a thread behind that swallows keys if the
-//! terminal does not answer. So the two protocols are implemented here, and only changed patches
+//! terminal does not answer. So the protocol is implemented here, and only changed patches
 //! are sent.
 //!
-//! * `query`: the capability query.
 //! * `patches`: tracks what is on the screen and what to send.
 //! * `encode`: encodes patches.
 
 pub mod encode;
 pub mod patches;
-pub mod query;
 
 use ratatui::buffer::Cell;
 use ratatui::layout::Rect;
@@ -19,43 +17,23 @@ use ratatui::style::{Color, Style};
 
 use crate::tui::marker::Marker;
 use gdg::text::obeys_escapes;
-use query::Answer;
 
-/// A graphics protocol.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// kitty's, also supported by Ghostty, Konsole and WezTerm.
-    Kitty,
-    /// iTerm2's.
-    Iterm2,
-}
-
-/// A terminal's graphics capabilities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Graphics {
-    pub protocol: Protocol,
     /// Width and height of a character in pixels.
     pub character: (u16, u16),
 }
 
-/// Plausible sizes of a character, in pixels.
 const CHARACTER_SIZES: std::ops::RangeInclusive<u16> = 3..=200;
 
 impl Graphics {
-    /// Returns the capabilities that `answer` implies. `name` is the terminal's name in the
-    /// environment, `character` the character size that its driver reports, if known.
-    pub fn choose(answer: &Answer, name: &str, character: Option<(u16, u16)>) -> Option<Self> {
-        let is_iterm2 = ["iTerm", "mintty"].iter().any(|own| name.contains(own));
-        let protocol = match answer {
-            Answer { kitty: true, .. } => Protocol::Kitty,
-            _ if is_iterm2 => Protocol::Iterm2,
-            _ => return None,
-        };
+    /// Returns the capabilities of a terminal whose driver reports this character size, if any.
+    pub fn choose(answer: &Answer, character: Option<(u16, u16)>) -> Option<Self> {
         let is_sound = |(width, height): &(u16, u16)| {
             [width, height].iter().all(|n| CHARACTER_SIZES.contains(n))
         };
         let character = answer.character.or(character).filter(is_sound)?;
-        Some(Self { protocol, character })
+        answer.kitty.then_some(Self { character })
     }
 }
 
@@ -72,7 +50,6 @@ pub fn is_worth_asking(marker: Marker, variable: impl Fn(&str) -> Option<String>
 
 /// A picture drawn in place of characters.
 pub struct Picture {
-    /// The characters it covers.
     pub area: Rect,
     /// Columns of pixels: a whole number per character.
     pub columns: usize,
@@ -96,7 +73,6 @@ pub enum Redraw {
 const BLANK: Style = Style::new().fg(Color::Indexed(16));
 
 impl Picture {
-    /// Reserves the picture's characters.
     pub fn reserve(area: Rect, buffer: &mut ratatui::buffer::Buffer) {
         for at in area.intersection(buffer.area).positions() {
             let cell = &mut buffer[at];
@@ -111,29 +87,56 @@ impl Picture {
     }
 }
 
+/// The queries: whether it shows a kitty picture of one pixel, the size of a character and, last,
+/// the device attributes, which every terminal reports.
+pub const QUESTIONS: &[u8] = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\\x1b[16t\x1b[c";
+
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Answer {
+    /// It shows pictures as kitty does.
+    pub kitty: bool,
+    /// Width and height of a character in pixels.
+    pub character: Option<(u16, u16)>,
+    pub is_complete: bool,
+}
+
+impl Answer {
+    /// Handles a reply of the terminal, if it belongs to the answer.
+    pub fn take(&mut self, reply: &[u8]) {
+        let Ok(text) = std::str::from_utf8(reply) else { return };
+        if let Some(text) = text.strip_prefix("\x1b_Gi=31;") {
+            self.kitty = text == "OK";
+        } else if let Some(text) =
+            text.strip_prefix("\x1b[6;").and_then(|text| text.strip_suffix('t'))
+        {
+            let numbers =
+                text.split_once(';').map(|(height, width)| (width.parse(), height.parse()));
+            if let Some((Ok(width), Ok(height))) = numbers {
+                self.character = Some((width, height));
+            }
+        } else if text.starts_with("\x1b[?") && text.ends_with('c') {
+            self.is_complete = true;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_terminals_answer_decides() {
-        let answer = |kitty| Answer { kitty, character: Some((9, 18)), ..Answer::default() };
-        let protocol =
-            |answer: &Answer, name: &str| Graphics::choose(answer, name, None).map(|g| g.protocol);
-        assert_eq!(protocol(&answer(true), "xterm"), Some(Protocol::Kitty));
-        assert_eq!(protocol(&answer(false), "iTerm.app"), Some(Protocol::Iterm2));
-        assert_eq!(protocol(&answer(false), "xterm"), None);
-        assert_eq!(
-            protocol(&Answer::default(), "iTerm.app"),
-            None,
-            "the size of a character is not known"
-        );
-        let unsized_answer = Answer { character: None, ..answer(true) };
-        assert_eq!(
-            Graphics::choose(&unsized_answer, "", Some((8, 16))).map(|g| g.character),
-            Some((8, 16))
-        );
-        assert_eq!(Graphics::choose(&unsized_answer, "", Some((0, 16))), None);
+        let answer = |kitty, character| Answer { kitty, character, ..Answer::default() };
+        for (kitty, own, driver, expected) in [
+            (true, Some((9, 18)), None, Some((9, 18))),
+            (false, Some((9, 18)), None, None),
+            (true, None, Some((8, 16)), Some((8, 16))),
+            (true, None, Some((0, 16)), None),
+            (true, None, None, None),
+        ] {
+            let chosen = Graphics::choose(&answer(kitty, own), driver);
+            assert_eq!(chosen.map(|graphics| graphics.character), expected);
+        }
     }
 
     #[test]
@@ -151,5 +154,27 @@ mod tests {
         );
         assert!(asks(Marker::Pixels, "tmux-256color", Some("TMUX")));
         assert!(!asks(Marker::Pixels, "linux", None) && !asks(Marker::Pixels, "dumb", None));
+    }
+
+    #[test]
+    fn answers_of_terminals_are_understood() {
+        let answer = |replies: &[&[u8]]| {
+            let mut answer = Answer::default();
+            replies.iter().for_each(|reply| answer.take(reply));
+            answer
+        };
+        let kitty = answer(&[b"\x1b_Gi=31;OK", b"\x1b[6;20;10t", b"\x1b[?62;c"]);
+        assert!(kitty.kitty && kitty.is_complete);
+        assert_eq!(kitty.character, Some((10, 20)));
+        let xterm = answer(&[b"\x1b[6;13;6t", b"\x1b[?63;1;2;4;6;9;15;16;22;28c"]);
+        assert!(!xterm.kitty && xterm.is_complete);
+        assert_eq!(xterm.character, Some((6, 13)));
+        let refused = answer(&[b"\x1b_Gi=31;ENOTSUPPORTED:no", b"\x1b[?64;1;44c"]);
+        assert!(!refused.kitty && refused.is_complete);
+        assert_eq!(
+            answer(&[b"\x1b]11;rgb:0/0/0", b"\x1bP>|tmux", b"\x1b[>1;4;0c"]),
+            Answer::default(),
+            "of others"
+        );
     }
 }

@@ -7,7 +7,6 @@ use super::theme::ColourDepth;
 pub enum Overlay {
     /// Contour lines of equal distance, labelled with it.
     Contours,
-    Directions,
     /// Unvisited cells, and the edge of the known world.
     Unexplored,
     /// Exploring agents, their trails, and their goals at the frontier.
@@ -21,9 +20,9 @@ pub enum Overlay {
 }
 
 impl Overlay {
-    pub const ALL: [Self; 8] = [
+    /// All overlays.
+    pub const ALL: [Self; 7] = [
         Self::Contours,
-        Self::Directions,
         Self::Unexplored,
         Self::Agents,
         Self::Candidates,
@@ -35,7 +34,6 @@ impl Overlay {
     pub fn name(self) -> &'static str {
         match self {
             Self::Contours => "contours",
-            Self::Directions => "actor's direction",
             Self::Unexplored => "unvisited cells",
             Self::Agents => "exploring agents",
             Self::Candidates => "bridge candidates",

@@ -11,12 +11,9 @@ use super::projection::Projection;
 use super::raster::MapFrame;
 use super::text::fitted_line;
 
-/// The effect of a click.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {
-    /// Performs an action.
     Act(Action),
-    /// Accepts the answer to the topmost dialog.
     Answer,
     Close,
 }
@@ -30,18 +27,13 @@ pub struct ScreenLayout {
     pub contour_interval: Option<f32>,
     /// The contour interval outside of a comparison.
     pub own_contour_interval: Option<f32>,
-    /// Width and height in pixels of the picture that a world may render, if it is shown.
-    pub picture: Option<(usize, usize)>,
-    /// The projections of a space of goals.
     pub projections: Vec<Projection>,
     /// The pane with the map and the line below it.
     pub map_pane: Rect,
-    /// The minimap in the corner, if shown.
     pub minimap: Option<MapFrame>,
     pub dialog: Rect,
     /// The rows of the topmost list, and the index of the first one shown.
     pub rows: (Rect, usize),
-    /// The lines of the help shown.
     pub help_lines: Option<Range<usize>>,
     pub charts: Vec<ChartArea>,
     /// The box of the guided tour, and the step it belongs to.
@@ -61,12 +53,10 @@ impl ScreenLayout {
         self.charts.clear();
     }
 
-    /// Makes `area` clickable.
     pub fn add(&mut self, area: Rect, click: Click) {
         self.clicks.push((area, click));
     }
 
-    /// Returns what a click at `at` does.
     pub fn click(&self, at: Position) -> Option<Click> {
         self.clicks.iter().find(|(area, _)| area.contains(at)).map(|(_, click)| *click)
     }
@@ -75,7 +65,6 @@ impl ScreenLayout {
 /// Where the lines of a chart are.
 #[derive(Clone, Copy, Debug)]
 pub struct ChartArea {
-    /// The characters that show lines.
     pub area: Rect,
     /// The values at its left and right edges.
     pub bounds: [f64; 2],
@@ -97,7 +86,6 @@ pub struct ClickableLine {
 }
 
 impl ClickableLine {
-    /// Returns the width in columns.
     pub fn width(&self) -> usize {
         self.parts.iter().map(|(span, _)| span.width()).sum()
     }

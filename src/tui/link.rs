@@ -45,7 +45,7 @@ impl Link {
         sent
     }
 
-    pub fn request(&self, request: impl Into<Request>) {
+    pub fn request(&self, request: Request) {
         self.viewer.request(request);
     }
 

@@ -17,13 +17,10 @@ pub enum Marker {
     HalfBlock,
     /// Two by two pixels per character.
     Quadrant,
-    /// Two by four dots per character.
-    Braille,
 }
 
 impl Marker {
-    pub const ALL: [Self; 5] =
-        [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant, Self::Braille];
+    pub const ALL: [Self; 4] = [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant];
 
     /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {
@@ -32,7 +29,6 @@ impl Marker {
             Self::Pixels => "pixels",
             Self::HalfBlock => "half-block",
             Self::Quadrant => "quadrant",
-            Self::Braille => "braille",
         }
     }
 
@@ -57,7 +53,6 @@ impl Marker {
         match self {
             Self::Auto | Self::Pixels | Self::HalfBlock => (1, 2),
             Self::Quadrant => (2, 2),
-            Self::Braille => (2, 4),
         }
     }
 }

@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use super::app::App;
 use super::config::UiConfig;
 use super::graphics::patches::Patches;
-use super::graphics::{Graphics, Protocol, Redraw};
+use super::graphics::{Graphics, Redraw};
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::session::Session;
@@ -28,27 +28,10 @@ pub struct MeasuredInterface {
     app: App,
     terminal: Terminal<CrosstermBackend<Sink>>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
-    views: watch::Receiver<View>,
-    /// The pictures on the screen, if it shows any.
+    views: watch::Receiver<Arc<View>>,
     patches: Option<(Patches, Graphics)>,
 }
 
-/// An invisible screen: its name, and how it shows pictures, in characters of 10 x 20 pixels.
-#[derive(Clone, Copy, Debug)]
-pub struct MeasuredScreen {
-    pub name: &'static str,
-    protocol: Option<Protocol>,
-}
-
-impl MeasuredScreen {
-    /// All of them.
-    pub const ALL: [Self; 2] = [
-        Self { name: "characters", protocol: None },
-        Self { name: "pixels, kitty", protocol: Some(Protocol::Kitty) },
-    ];
-}
-
-/// Measurements of a watched run.
 pub struct InterfaceMeasurement {
     pub updates_per_second: f64,
     /// Time taken by each frame, in microseconds.
@@ -56,12 +39,11 @@ pub struct InterfaceMeasurement {
 }
 
 impl MeasuredInterface {
-    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters that shows
-    /// what `screen` says; training is paused.
+    /// Opens the interface with training paused; pictures have 10 x 20 pixels a character.
     pub fn open(
         trainer: Trainer,
         (columns, rows): (u16, u16),
-        screen: MeasuredScreen,
+        has_pictures: bool,
     ) -> Result<Self, TrainError> {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
@@ -70,9 +52,8 @@ impl MeasuredInterface {
         let session = Session::new(engine.link(), viewer, &config, keymap, None);
         let mut app = App::new(session);
         app.first_mut().screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
-        let patches = screen
-            .protocol
-            .map(|protocol| (Patches::new(protocol), Graphics { protocol, character: (10, 20) }));
+        let graphics = Graphics { character: (10, 20) };
+        let patches = has_pictures.then(|| (Patches::default(), graphics));
         app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), Redraw::All);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal =
@@ -138,7 +119,6 @@ impl MeasuredInterface {
         })
     }
 
-    /// Sends a command and waits until training is in phase `then`.
     fn command(&mut self, command: Command, then: &Phase) {
         self.app.first_mut().command(command);
         while self.snapshots.borrow_and_update().phase != *then {

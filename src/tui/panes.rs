@@ -1,6 +1,5 @@
 //! The panes of the panel beside the map.
 
-/// A pane of the panel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pane {
     /// Phase, counters, rates, success.
@@ -9,7 +8,6 @@ pub enum Pane {
     /// Success, coverage, losses and errors over time.
     Curves,
     Walk,
-    /// The legend of the map.
     Legend,
     Log,
 }

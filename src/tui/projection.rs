@@ -8,7 +8,7 @@ use ratatui::layout::{Constraint, Layout, Position, Rect};
 use super::marker::Marker;
 use super::raster::MapFrame;
 use gdg::draw::Raster;
-use gdg::viewer::space::Plane;
+use gdg::viewer::Plane;
 
 /// The region shown without zoom, in metres: arm, table and goals.
 const WORKSPACE: [[f32; 3]; 2] = [[0.62, 0.33, 0.3], [1.66, 1.17, 1.12]];
@@ -30,15 +30,12 @@ pub enum Angle {
     Front,
     /// From above: x to the right, y up.
     Top,
-    /// From anywhere.
     Free,
 }
 
 impl Angle {
-    /// All angles, in the order of their keys and places.
     pub const ALL: [Self; 4] = [Self::Side, Self::Front, Self::Top, Self::Free];
 
-    /// Returns the next angle.
     #[must_use]
     pub fn next(self) -> Self {
         Self::ALL[(self as usize + 1) % Self::ALL.len()]
@@ -91,7 +88,6 @@ impl Orbit {
     }
 }
 
-/// The part of the scene that is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// Magnification compared to showing everything, at least 1.
@@ -119,20 +115,17 @@ pub struct ShownAngles {
     pub camera: Camera,
 }
 
-/// A projection on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
     /// Where the eye is, unless two components of goals are shown.
     pub angle: Option<Angle>,
-    /// Its pixels.
     pub frame: MapFrame,
     /// Directions and pixels for the viewer.
     pub plane: Plane,
 }
 
 impl Projection {
-    /// Shows what is around `middle`, to the right and downwards in the plane's unit, in characters
-    /// whose width is 1 / `scale` of that.
+    /// Shows what is around `middle`, in characters whose width is 1 / `scale` of the plane's unit.
     fn around(
         area: Rect,
         angle: Option<Angle>,

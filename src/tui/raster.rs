@@ -6,10 +6,6 @@ use ratatui::layout::{Position, Rect};
 
 use crate::tui::marker::Marker;
 
-/// Characters between two arrows, across and down.
-const ARROW_SPACING: (usize, usize) = (4, 2);
-
-/// The part of the map to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewport {
     /// Magnification compared to showing the whole map; 1 for the whole map.
@@ -24,7 +20,6 @@ impl Default for Viewport {
     }
 }
 
-/// Placement of the map on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapFrame {
     pub area: Rect,
@@ -33,8 +28,7 @@ pub struct MapFrame {
 }
 
 impl MapFrame {
-    /// Fits the part of the map given by `view` into `area`, as large as possible without
-    /// distortion.
+    /// Fits the part of the map that `view` shows into `area`.
     pub fn fit(area: Rect, map: &Grid, marker: Marker, view: Viewport) -> Option<Self> {
         if area.width == 0 || area.height == 0 {
             return None;
@@ -69,7 +63,6 @@ impl MapFrame {
         Some(Self { area, raster: Raster { window, pixels }, marker: marker.resolved(scale) })
     }
 
-    /// Returns the characters per cell of the map, along a row.
     pub fn scale(&self) -> f32 {
         f32::from(self.area.width) / self.raster.window[2]
     }
@@ -94,17 +87,7 @@ impl MapFrame {
         ]
     }
 
-    /// Returns the positions on the map at which the actor's directions are shown.
-    pub fn arrows(&self) -> Vec<[f32; 2]> {
-        let (across, down) = ARROW_SPACING;
-        let rows = (self.area.y..self.area.bottom()).step_by(down);
-        let characters = rows
-            .flat_map(|y| (self.area.x..self.area.right()).step_by(across).map(move |x| (x, y)));
-        characters.map(|(x, y)| self.middle_of(Position::new(x, y))).collect()
-    }
-
-    /// Returns all cells shown by the character at a screen position: at least one, or none outside
-    /// the map.
+    /// Returns all cells that a character shows: at least one, or none outside the map.
     pub fn cells_at(&self, at: Position, map: &Grid) -> Vec<Cell> {
         let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
         let [left, top, width, height] = self.raster.window;

@@ -36,8 +36,7 @@ use super::text::{first_lines, wrapped};
 use super::theme::Theme;
 use gdg::text::is_active;
 
-/// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the
-/// minimum for the map.
+/// Columns of the panel, of each column of panes in a wide panel, and minimum of the map.
 const SIDE_WIDTH: u16 = 30;
 const WIDE_SIDE_WIDTH: u16 = 40;
 const MIN_MAP_WIDTH: u16 = 40;
@@ -50,7 +49,6 @@ const LEAST_GAIN_BELOW: f32 = 1.25;
 const WIDE_SCREEN: u16 = 110;
 const VERY_WIDE_SCREEN: u16 = 160;
 
-/// What is drawn on, what is drawn, and where it is.
 pub struct Page<'a, 'b> {
     frame: &'a mut Frame<'b>,
     screen: &'a Screen,
@@ -80,8 +78,6 @@ pub fn finish_frame(frame: &mut Frame, theme: &Theme) {
     }
 }
 
-/// Draws everything but dialogs, and returns where it is; `cache` keeps what the next frame can
-/// reuse.
 pub fn draw_panes(
     frame: &mut Frame,
     screen: &Screen,
@@ -125,16 +121,13 @@ pub fn draw_panes(
 /// Where the panel with the panes goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Panel {
-    /// Beside the map, with this many columns.
     Beside(u16),
-    /// Below the map, with this many rows.
     Below(u16),
     Nowhere,
 }
 
 impl Panel {
-    /// Places the panel within `body`: beside a map of that width and height, or below it if that
-    /// leaves clearly more room for the map.
+    /// Places the panel beside the map, or below it if that leaves clearly more room.
     fn place(body: Rect, [width, height]: [f32; 2]) -> Self {
         let columns = match body.width {
             w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
@@ -163,8 +156,7 @@ impl Panel {
     }
 }
 
-/// Returns `width`, or the whole width of `area` if only slivers of what is behind would stay in
-/// view.
+/// Returns `width`, or all columns of `area` if only slivers would stay in view.
 fn without_slivers(area: Rect, width: u16) -> u16 {
     if width.saturating_add(2) >= area.width { area.width } else { width }
 }
@@ -181,7 +173,6 @@ pub fn too_small(frame: &mut Frame, what: &str, (columns, rows): (u16, u16)) {
     frame.render_widget(Paragraph::new(lines.join("\n")).centered(), middle);
 }
 
-/// Returns the middle of `area`, at most `width` by `height`.
 pub fn middle(area: Rect, width: u16, height: u16) -> Rect {
     area.centered(
         Constraint::Length(width.min(area.width)),

@@ -1,6 +1,5 @@
 //! The kinds of worlds that the screen draws, mazes and spaces of goals: state, drawing and input.
-//! Both are painted on a canvas: `ground` and what lies over it, `overlays`; `legend` has texts that
-//! they share.
+//! Both are painted on a canvas: `ground` and what lies over it, `overlays`; `legend` has their texts.
 
 mod ground;
 mod legend;
@@ -8,6 +7,7 @@ pub mod maze;
 mod overlays;
 mod space;
 
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 use crossterm::event::MouseEventKind;
@@ -20,15 +20,16 @@ use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::link::Link;
 use super::screen::Screen;
+use super::text::fact;
 use gdg::engine::Snapshot;
 use gdg::env::Scene as World;
 use gdg::map::Grid;
+use gdg::train::FilmFrame;
 use gdg::viewer::{Field, Graph, View};
 pub use legend::MEANINGS as WALK_MEANINGS;
 pub use maze::{Cache, MazeState};
 pub use space::SpaceState;
 
-/// The scene in the main area of the screen.
 pub enum Scene {
     /// A maze, seen from above.
     Maze(Box<MazeState>),
@@ -36,11 +37,145 @@ pub enum Scene {
     Space(SpaceState),
 }
 
+/// How a kind of world is shown. Goals and places are `(goal_dim)`.
+pub trait SceneKind {
+    fn noun(&self) -> &'static str;
+
+    fn introduction(&self) -> &'static str;
+
+    fn offers(&self, action: Action) -> bool;
+
+    /// The description of a binding for help and palette.
+    fn wording(&self, binding: &Binding) -> &'static str {
+        binding.long
+    }
+
+    fn shows(&self, _field: Field) -> bool {
+        true
+    }
+
+    fn has_true_distances(&self) -> bool {
+        false
+    }
+
+    /// The width and height of what is drawn, in the scene's own unit.
+    fn proportions(&self) -> [f32; 2] {
+        [1.0; 2]
+    }
+
+    fn view(&self) -> &View;
+
+    fn goal(&self) -> Vec<f32>;
+
+    fn format_place(&self, place: &[f32]) -> String;
+
+    fn format_length(&self, length: f32) -> String;
+
+    /// Lines about start, place and goal of the walking agent.
+    fn places(&self, [start, at, goal]: [&[f32]; 3], _screen: &Screen) -> Vec<Line<'static>> {
+        vec![
+            fact("from", self.format_place(start)),
+            fact("at @", self.format_place(at)),
+            fact("to G", self.format_place(goal)),
+        ]
+    }
+
+    fn signs(&self, screen: &Screen) -> Vec<Line<'static>>;
+
+    /// Draws the scene into the first area, and the line below it into the second.
+    fn draw(
+        &self,
+        frame: &mut Frame,
+        areas: [Rect; 2],
+        screen: &Screen,
+        layout: &mut ScreenLayout,
+        cache: &mut Cache,
+    );
+
+    fn start(&mut self, screen: &mut Screen, link: &mut Link);
+
+    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &Link);
+
+    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link);
+
+    /// Handles the mouse where nothing is clickable; returns whether it did anything.
+    fn on_mouse(
+        &mut self,
+        kind: MouseEventKind,
+        at: Position,
+        screen: &mut Screen,
+        link: &mut Link,
+    ) -> bool;
+
+    /// Returns to showing everything; returns whether anything changed.
+    fn close(&mut self, link: &Link) -> bool;
+
+    /// Has the viewer compute what the pixels show; `before` is the previous layout.
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link);
+
+    /// The frame of the film that is shown: the viewer's latest, to avoid flicker.
+    fn past(&self) -> Option<&FilmFrame> {
+        self.view().past.as_deref()
+    }
+
+    /// The goal that distances are shown to.
+    fn shown_goal(&self) -> Vec<f32> {
+        self.past().map_or_else(|| self.goal(), |frame| frame.goal.clone())
+    }
+
+    /// The field that the colours show: for the past, only D is available.
+    fn shown_field(&self, screen: &Screen) -> Field {
+        if self.past().is_some() { Field::Learned } else { screen.field }
+    }
+
+    /// The largest value of the field, at least 1.
+    fn own_farthest(&self) -> f32 {
+        self.view().farthest.max(1.0)
+    }
+
+    fn farthest(&self, screen: &Screen) -> f32 {
+        self.own_farthest().max(screen.least_farthest)
+    }
+}
+
+impl Deref for Scene {
+    type Target = dyn SceneKind;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::Maze(maze) => &**maze,
+            Self::Space(space) => space,
+        }
+    }
+}
+
+impl DerefMut for Scene {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        match self {
+            Self::Maze(maze) => &mut **maze,
+            Self::Space(space) => space,
+        }
+    }
+}
+
+pub const FIRST_OVERLAY: usize = 2;
+
 impl Scene {
     pub fn of(snapshot: &Snapshot) -> Self {
         match &snapshot.scene {
             World::Maze(scene) => Self::Maze(Box::new(MazeState::new(scene.map.clone()))),
             World::Arm(_) | World::Goals(_) => Self::Space(SpaceState::of(snapshot)),
+        }
+    }
+
+    /// Switches to the kind of scene that a run has.
+    pub fn enter(&mut self, snapshot: &Snapshot) {
+        let stays = match self {
+            Self::Maze(_) => matches!(snapshot.scene, World::Maze(_)),
+            Self::Space(space) => space.draws(&snapshot.scene),
+        };
+        if !stays {
+            *self = Self::of(snapshot);
         }
     }
 
@@ -57,90 +192,18 @@ impl Scene {
             Self::Space(_) => None,
         }
     }
-}
 
-/// Names and capabilities.
-impl Scene {
-    /// Returns the word for what is drawn.
-    pub fn noun(&self) -> &'static str {
-        match self {
-            Self::Maze(_) => maze::NOUN,
-            Self::Space(space) => space.noun(),
-        }
-    }
-
-    /// Returns the word for what other scenes draw.
     pub fn other_noun(&self) -> &'static str {
-        match self {
-            Self::Maze(_) => "arm",
-            Self::Space(_) => maze::NOUN,
-        }
+        self.maze().map_or(maze::NOUN, |_| "arm")
     }
 
     /// Returns the world's title: of a map, its name as last edited.
     pub fn title<'a>(&'a self, snapshot: &'a Snapshot) -> &'a str {
-        match self {
-            Self::Maze(maze) => maze.map.name(),
-            Self::Space(_) => &snapshot.title,
-        }
-    }
-
-    pub fn offers(&self, action: Action) -> bool {
-        match self {
-            Self::Maze(_) => maze::offers(action),
-            Self::Space(space) => space.offers(action),
-        }
+        self.maze().map_or(&snapshot.title, |maze| maze.map.name())
     }
 
     pub fn has_field(&self, field: Field, screen: &Screen) -> bool {
-        let shows = match self {
-            Self::Maze(_) => true,
-            Self::Space(_) => space::shows(field),
-        };
-        shows && (field != Field::Composed || screen.run().method.plans())
-    }
-
-    pub fn has_true_distances(&self) -> bool {
-        matches!(self, Self::Maze(_))
-    }
-
-    /// Returns the description of a binding for help and palette.
-    pub fn wording(&self, binding: &Binding) -> &'static str {
-        match self {
-            Self::Maze(_) => binding.long,
-            Self::Space(space) => space.wording(binding.action).unwrap_or(binding.long),
-        }
-    }
-
-    pub fn introduction(&self) -> &'static str {
-        match self {
-            Self::Maze(_) => maze::INTRODUCTION,
-            Self::Space(space) => space.introduction(),
-        }
-    }
-
-    /// Returns the title of the pane about the walking agent.
-    pub fn walk_title(&self) -> &'static str {
-        match self {
-            Self::Maze(_) => "walk @ \u{2192} G",
-            Self::Space(_) => "reach @ \u{2192} G",
-        }
-    }
-
-    /// Returns whether the frame of the film shows D to another goal than the present one.
-    pub fn shows_other_goal(&self) -> bool {
-        match self {
-            Self::Maze(maze) => maze::shown_goal(maze) != maze.goal,
-            Self::Space(_) => true,
-        }
-    }
-
-    /// Returns the largest value of the field, at least 1.
-    pub fn own_farthest(&self) -> f32 {
-        match self {
-            Self::Maze(maze) => maze.own_farthest(),
-            Self::Space(space) => space.own_farthest(),
-        }
+        self.shows(field) && (field != Field::Composed || screen.run().method.plans())
     }
 
     pub fn mode(&self, screen: &Screen) -> Mode {
@@ -151,15 +214,11 @@ impl Scene {
         }
     }
 
-    /// Describes the phase of training in a word or two.
     pub fn phase(&self, screen: &Screen) -> String {
         // The trainer does not know the latest edit of the map yet: it rebuilds the bridge graph
         // first.
-        let is_behind = |maze: &MazeState| match &screen.snapshot.scene {
-            World::Maze(scene) => scene.map != maze.map,
-            _ => false,
-        };
-        screen.phase(self.maze().is_some_and(is_behind))
+        let drawn = screen.snapshot.scene.maze().map(|scene| &scene.map);
+        screen.phase(self.maze().is_some_and(|maze| drawn.is_some_and(|map| *map != maze.map)))
     }
 
     pub fn is_editing(&self) -> bool {
@@ -175,143 +234,26 @@ impl Scene {
         self.maze().is_some_and(|maze| maze.map != maze.kept_map)
     }
 
-    /// Notes that `map` is in a file now.
     pub fn keep_map(&mut self, map: Arc<Grid>) {
         if let Self::Maze(maze) = self {
             maze.kept_map = map;
         }
     }
 
-    /// Returns the goal that is shown in the present, `(goal_dim)`.
-    pub fn goal(&self) -> Vec<f32> {
-        match self {
-            Self::Maze(maze) => maze.goal.centre().to_vec(),
-            Self::Space(space) => space.goal.clone(),
-        }
-    }
-
     pub fn graph(&self) -> &Graph {
-        match self {
-            Self::Maze(maze) => &maze.view.graph,
-            Self::Space(space) => &space.view.graph,
-        }
-    }
-}
-
-/// The line of the first overlay in the legend.
-pub const FIRST_OVERLAY: usize = 2;
-
-/// Drawing.
-impl Scene {
-    /// Draws the scene into the first area, and the line below it into the second.
-    pub fn draw(
-        &self,
-        frame: &mut Frame,
-        areas: [Rect; 2],
-        screen: &Screen,
-        layout: &mut ScreenLayout,
-        cache: &mut Cache,
-    ) {
-        match self {
-            Self::Maze(maze) => maze::draw(frame, areas, maze, screen, layout, cache),
-            Self::Space(space) => space::draw(frame, areas, space, screen, layout),
-        }
+        &self.view().graph
     }
 
     pub fn overlays(&self) -> impl Iterator<Item = Overlay> {
-        legend::overlays(|action| self.offers(action))
+        legend::overlays(&**self)
     }
 
     pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
-        match self {
-            Self::Maze(maze) => maze::legend_lines(maze, screen),
-            Self::Space(space) => space::legend_lines(space, screen),
-        }
+        legend::lines(&**self, screen)
     }
 
-    /// Returns the lines about the followed agent, with sentences within `width` columns.
+    /// Returns the lines about the walking agent, with sentences within `width` columns.
     pub fn walk_lines(&self, screen: &Screen, width: usize) -> Vec<Line<'static>> {
-        match self {
-            Self::Maze(maze) => maze::walk_lines(maze, screen, width),
-            Self::Space(space) => space::walk_lines(space, screen),
-        }
-    }
-
-    /// Returns the width and height of what is drawn, in the scene's own unit.
-    pub fn proportions(&self) -> [f32; 2] {
-        match self {
-            Self::Maze(maze) => [maze.map.width() as f32, maze.map.height() as f32],
-            Self::Space(_) => [1.0, 1.0],
-        }
-    }
-}
-
-/// Input.
-impl Scene {
-    /// Switches to the kind of scene that a run has.
-    pub fn enter(&mut self, snapshot: &Snapshot) {
-        let stays = match self {
-            Self::Maze(_) => matches!(snapshot.scene, World::Maze(_)),
-            Self::Space(space) => space.draws(&snapshot.scene),
-        };
-        if !stays {
-            *self = Self::of(snapshot);
-        }
-    }
-
-    /// Starts showing the run on the screen.
-    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
-        match self {
-            Self::Maze(maze) => maze.start(screen, link),
-            Self::Space(space) => space.start(screen, link),
-        }
-    }
-
-    /// Shows a new view, unless it is of an earlier run's scene.
-    pub fn show(&mut self, view: View, screen: &mut Screen, link: &Link) {
-        match (self, view) {
-            (Self::Maze(maze), View::Maze(view)) => maze.show(view, screen, link),
-            (Self::Space(space), View::Space(view)) => space.show(view, screen, link),
-            _ => {}
-        }
-    }
-
-    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
-        match self {
-            Self::Maze(maze) => maze.act(action, screen, link),
-            Self::Space(space) => space.act(action, screen, link),
-        }
-    }
-
-    /// Handles the mouse on the scene, or where nothing is clickable; returns whether it did
-    /// anything.
-    pub fn on_mouse(
-        &mut self,
-        kind: MouseEventKind,
-        at: Position,
-        screen: &mut Screen,
-        link: &mut Link,
-    ) -> bool {
-        match self {
-            Self::Maze(maze) => maze.on_mouse(kind, at, screen, link),
-            Self::Space(space) => space.on_mouse(kind, at, screen, link),
-        }
-    }
-
-    /// Returns to showing everything; returns whether anything changed.
-    pub fn close(&mut self, link: &Link) -> bool {
-        match self {
-            Self::Maze(maze) => maze.close(link),
-            Self::Space(space) => space.close(),
-        }
-    }
-
-    /// Handles a drawn frame: has the viewer compute what the pixels show. `before` is the previous
-    /// layout.
-    pub fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
-        match self {
-            Self::Maze(_) => MazeState::drawn(before, screen, link),
-            Self::Space(_) => SpaceState::drawn(before, screen, link),
-        }
+        legend::walk_lines(&**self, screen, width)
     }
 }

@@ -64,8 +64,6 @@ pub struct Screen {
     pub least_farthest: f32,
     /// Minimum contour interval in steps, shared likewise.
     pub least_contour_interval: f32,
-    /// The exploring agent followed instead of the walking one.
-    pub following: Option<usize>,
     /// Since when the line over the map is shown, until it goes away.
     pub banner: Option<Instant>,
     /// The frame of the film shown instead of the present.
@@ -107,7 +105,6 @@ impl Screen {
             frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,
-            following: None,
             banner: Some(Instant::now()),
             past: None,
             tour: None,

@@ -73,7 +73,7 @@ impl Cx {
         self.link.engine.snapshots()
     }
 
-    pub fn views(&self) -> watch::Receiver<View> {
+    pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.link.viewer.views()
     }
 
@@ -95,7 +95,7 @@ impl Cx {
 pub struct Session {
     pub cx: Cx,
     snapshots: watch::Receiver<Arc<Snapshot>>,
-    views: watch::Receiver<View>,
+    views: watch::Receiver<Arc<View>>,
     pub saver: Saver,
     pub guide: Guide,
     /// What the terminal has been asked to do.
@@ -158,7 +158,6 @@ impl Session {
         let Self { cx, saver, guide, .. } = self;
         saver.start_run(&cx.screen.snapshot);
         cx.screen.log.start_run(&cx.screen.snapshot.notes.log);
-        cx.screen.following = None;
         guide.forget(&mut cx.screen);
         cx.return_to_present();
         cx.screen.layout = ScreenLayout::default();
@@ -379,7 +378,7 @@ impl Session {
         }
     }
 
-    pub fn on_view(&mut self, view: View) {
+    pub fn on_view(&mut self, view: Arc<View>) {
         let Cx { screen, scene, link, .. } = &mut self.cx;
         // The past can be looked at on a frozen screen.
         if !screen.frozen || screen.past.is_some() {

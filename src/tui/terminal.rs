@@ -28,8 +28,7 @@ use tokio::runtime::Runtime;
 use tokio::signal::unix::{self, SignalKind, signal};
 
 use super::graphics::patches::Patches;
-use super::graphics::query::{self, Answer};
-use super::graphics::{self, Graphics, Protocol, Redraw, encode};
+use super::graphics::{self, Answer, Graphics, Redraw, encode};
 use super::input::{Input, InputStream, is_in_foreground};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::marker::Marker;
@@ -294,7 +293,7 @@ impl Terminal {
                 [Signal::SIGTSTP, Signal::SIGCONT, Signal::SIGWINCH].map(|s| listen(s as i32));
             set_up_modes()?;
             if asks {
-                printing::stdout().send(query::QUESTIONS)?;
+                printing::stdout().send(graphics::QUESTIONS)?;
             }
             Ok(Self {
                 inner: screen(&output)?,
@@ -324,13 +323,10 @@ impl Terminal {
         let Some(answer) = &mut self.answer else { return };
         answer.take(reply);
         if answer.is_complete && self.graphics.is_none() {
-            let name = ["TERM_PROGRAM", "LC_TERMINAL"]
-                .map(|name| std::env::var(name).unwrap_or_default())
-                .concat();
-            self.graphics = Graphics::choose(answer, &name, character_size());
+            self.graphics = Graphics::choose(answer, character_size());
             if let Some(graphics) = self.graphics {
                 log::info!("the terminal shows pictures: {graphics:?}");
-                self.patches = Some(Patches::new(graphics.protocol));
+                self.patches = Some(Patches::default());
             }
         }
     }
@@ -404,9 +400,7 @@ impl Terminal {
         if let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) {
             let bytes = patches.update(&interface.pictures(), frame.buffer, graphics)?;
             if !bytes.is_empty() {
-                if graphics.protocol == Protocol::Kitty {
-                    SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
-                }
+                SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
                 let parts = [SAVE_CURSOR, &bytes, RESTORE_CURSOR];
                 self.output.0.borrow_mut().extend(parts.concat());
                 self.pictures_sent = Some((began.elapsed(), is_training));

@@ -51,7 +51,7 @@ use gdg::map::{Cell, Grid, parse_map};
 use gdg::train::{
     self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Trainer,
 };
-use gdg::viewer::{Field, MazeView, Request, View, Viewer};
+use gdg::viewer::{Field, Request, View, Viewer};
 
 const ROOMS: &str = "\
 ..........#.........
@@ -175,17 +175,14 @@ impl Session {
     }
 
     /// Shows the view after `change`.
-    fn change_view(&mut self, change: impl FnOnce(&mut MazeView)) {
+    fn change_view(&mut self, change: impl FnOnce(&mut View)) {
         let mut view = (*self.maze().view).clone();
         change(&mut view);
-        self.on_view(View::Maze(Arc::new(view)));
+        self.on_view(Arc::new(view));
     }
 
     fn shown_past(&self) -> Option<&FilmFrame> {
-        match &self.scene {
-            Scene::Maze(maze) => maze.past(),
-            Scene::Space(space) => space.past(),
-        }
+        self.scene.past()
     }
 }
 
@@ -195,7 +192,7 @@ struct Still {
     commands: Receiver<Command>,
     requests: Receiver<Request>,
     snapshots: watch::Sender<Arc<Snapshot>>,
-    _views: watch::Sender<View>,
+    _views: watch::Sender<Arc<View>>,
     /// What its trainer is doing.
     job: Job,
 }
@@ -245,7 +242,7 @@ fn still_at(snapshot: Snapshot) -> Still {
     let (sender, commands) = sync_channel(64);
     let (request, requests) = channel();
     let (publish, snapshots) = watch::channel(Arc::new(snapshot));
-    let (show, views) = watch::channel(View::default());
+    let (show, views) = watch::channel(Arc::default());
     let job = Job::default();
     let engine = EngineLink::new(sender, snapshots, job.clone());
     let app = app_with(engine, Viewer::new(request, views), None);
@@ -422,7 +419,7 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     });
     // Right clicks set the start of the walking agent.
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
-    wait_until(&mut app, |app| app.maze().view.walk.start == [2.5, 2.5]);
+    wait_until(&mut app, |app| app.maze().view.reach.start == [2.5, 2.5]);
 }
 
 #[test]
@@ -433,7 +430,5 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     // A walk that starts at the goal arrives at once, whatever was learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.maze().goal;
-    wait_until(&mut app, |app| {
-        app.maze().view.walk.finished_walks.0 >= 1 && app.maze().goal != first
-    });
+    wait_until(&mut app, |app| app.maze().view.reach.finished.0 >= 1 && app.maze().goal != first);
 }

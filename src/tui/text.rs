@@ -40,7 +40,6 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Formats seconds as hours, minutes and seconds.
 pub fn clock(seconds: f64) -> String {
     let whole = seconds as u64;
     format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
@@ -104,19 +103,6 @@ pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
         }
     }
     lines
-}
-
-/// Wraps text like [`wrapped`], a bit narrower where a single word would be in the last line.
-pub fn wrapped_evenly(text: &str, columns: usize) -> Vec<String> {
-    let lines = wrapped(text, columns);
-    let ends_well = |tried: &Vec<String>| tried.last().is_none_or(|last| last.contains(' '));
-    if lines.len() < 2 || ends_well(&lines) {
-        return lines;
-    }
-    let longest = text.split_whitespace().map(display_width).max().unwrap_or(0);
-    let narrower = (longest..columns).rev().map(|columns| wrapped(text, columns));
-    let mut as_many = narrower.take_while(|tried| tried.len() == lines.len());
-    as_many.find(ends_well).unwrap_or(lines)
 }
 
 #[cfg(test)]

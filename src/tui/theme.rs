@@ -1,40 +1,28 @@
 //! The map's colours: themes, reduced to the colours that the terminal has.
 
-mod palette;
-
-use anstyle::RgbColor;
+use anstyle::{Ansi256Color, RgbColor};
 use anstyle_lossy::palette::VGA;
-use anstyle_lossy::{rgb_to_ansi, rgb_to_xterm};
+use anstyle_lossy::{rgb_to_xterm, xterm_to_rgb};
 use colorous::Gradient;
 use ratatui::style::{Color, Modifier, Style};
 use serde::{Deserialize, Serialize};
 
 pub use gdg::draw::{Rgb, blend, contour, lightness};
-use gdg::draw::{distance_colour, sample};
+use gdg::draw::{contrast, distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
-use palette::Palette;
-pub use palette::rgb_of_indexed;
 
-/// How many colours the terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourDepth {
-    /// 24 bits.
     True,
-    /// The 256 colours of xterm.
     Indexed,
-    /// 16 colours, as on the Linux console.
-    Basic,
-    /// No colours: `NO_COLOR` is set, or the terminal has none.
+    /// No colours: `NO_COLOR` is set, or the terminal has none, or 16 as the Linux console.
     Mono,
 }
 
-/// A set of colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ThemeName {
-    /// For dark terminals.
     Dark,
-    /// For light terminals.
     Light,
     /// Distinguishable with every kind of colour vision.
     ColourBlindSafe,
@@ -51,7 +39,6 @@ impl ThemeName {
         }
     }
 
-    /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dark => "dark",
@@ -64,49 +51,39 @@ impl ThemeName {
 /// How much lighter distances are in the light theme.
 const LIGHT_TINT: f32 = 0.3;
 
-/// How far unvisited floor in the known world fades into the colour of unknown ground, floor
-/// beyond that world, and its hatching into the colour of walls.
-const POCKET_FADE: f32 = 0.35;
+/// How far floor beyond the known world fades into the colour of unknown ground, and its hatching
+/// into the colour of walls.
 const FADE: f32 = 0.7;
 const HATCH: f32 = 0.5;
 
-/// How far floor from which no path leads to the goal fades into the colour of walls, between the
-/// lines of its hatching and on them.
+/// How far floor without a path fades into the colour of walls, without and with hatching.
 const CUT_OFF_FADES: [f32; 2] = [0.35, 0.75];
 
-/// How strongly the edge of the known world is tinted.
 const EDGE_TINT: f32 = 0.65;
 
 /// Names of terminals (`TERM`) with 24-bit colours and with 16, or parts of them: over ssh,
 /// `COLORTERM` is usually lost.
 const NAMES_OF_TRUE: [&str; 6] = ["-direct", "kitty", "alacritty", "foot", "wezterm", "ghostty"];
-const NAMES_OF_BASIC: [&str; 6] = ["linux", "cygwin", "ansi", "vt100", "vt220", "-16color"];
+const NAMES_OF_16: [&str; 6] = ["linux", "cygwin", "ansi", "vt100", "vt220", "-16color"];
 
-/// The colours in use.
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
     pub name: ThemeName,
-    /// The colours that the terminal shows.
     pub depth: ColourDepth,
-    /// Text and page, if the theme does not leave them to the terminal.
     pub page: Option<(Rgb, Rgb)>,
     pub wall: Rgb,
     /// Free cells without a known value.
     pub unknown: Rgb,
-    /// Exploring agents.
     pub agent: Rgb,
     /// The edge of the known world, and goals there.
     pub frontier: Rgb,
     pub candidate: Rgb,
-    /// The planned path and its waypoints.
     pub path: Rgb,
     pub goal: Rgb,
     pub walker: Rgb,
-    /// The cursor of editor and inspector.
     pub cursor: Rgb,
     /// Edges: walked successfully, failed, and not walked yet.
     pub edges: [Rgb; 3],
-    /// Messages that something went wrong.
     pub failure: Rgb,
     /// Points that a bridge search accepted, and those it rejected.
     pub search: [Rgb; 2],
@@ -119,7 +96,6 @@ pub struct Theme {
 }
 
 impl ColourDepth {
-    /// Detects the terminal's colours from the environment.
     pub fn detect() -> Self {
         let variable = |name: &str| std::env::var(name).unwrap_or_default();
         if !variable("NO_COLOR").is_empty() || !terminal_obeys_escapes() {
@@ -128,21 +104,18 @@ impl ColourDepth {
         Self::of_names(&variable("COLORTERM"), &variable("TERM"))
     }
 
-    /// Returns the colours of a terminal that goes by these names.
     fn of_names(colorterm: &str, term: &str) -> Self {
         let is_one_of = |names: &[&str]| names.iter().any(|name| term.contains(name));
         match colorterm {
             "truecolor" | "24bit" => Self::True,
             _ if is_one_of(&NAMES_OF_TRUE) => Self::True,
-            _ if is_one_of(&NAMES_OF_BASIC) => Self::Basic,
+            _ if is_one_of(&NAMES_OF_16) => Self::Mono,
             _ => Self::Indexed,
         }
     }
 }
 
 impl Theme {
-    /// The theme `name` for a terminal of `depth`. Without colours, shades and signs replace those
-    /// of every theme.
     pub fn new(name: ThemeName, depth: ColourDepth) -> Self {
         let theme = Self { depth, ..Self::in_all_colours(name) };
         match depth {
@@ -153,7 +126,6 @@ impl Theme {
                 let error = |share| sample(theme.error, share);
                 theme.limited_to(&Palette::of_256(name, distance, error))
             }
-            ColourDepth::Basic => theme.with_16_signs().limited_to(&Palette::of_16(name)),
         }
     }
 
@@ -211,33 +183,15 @@ impl Theme {
         }
     }
 
-    /// Replaces the colours of ground.
     fn limited_to(self, palette: &Palette) -> Self {
         let [unknown, _] = palette.unvisited;
         Self { wall: palette.wall, unknown, palette: Some(*palette), ..self }
     }
 
-    /// Replaces the colours of signs whose nearest of 16 colours are the same.
-    fn with_16_signs(self) -> Self {
-        let [red, bright_red, yellow, bright_magenta, cyan, white] =
-            [1, 9, 11, 13, 14, 15].map(rgb_of_indexed);
-        Self {
-            path: bright_red,
-            goal: red,
-            walker: if self.name == ThemeName::ColourBlindSafe { cyan } else { yellow },
-            frontier: if self.name == ThemeName::ColourBlindSafe { bright_magenta } else { cyan },
-            edges: [white, red, self.edges[2]],
-            search: [bright_magenta, red],
-            ..self
-        }
-    }
-
-    /// Returns the nearest colour that the terminal has.
     pub fn colour(&self, (r, g, b): Rgb) -> Color {
         match self.depth {
             ColourDepth::True => Color::Rgb(r, g, b),
             ColourDepth::Indexed => Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0),
-            ColourDepth::Basic => Color::Indexed(rgb_to_ansi(RgbColor(r, g, b), VGA) as u8),
             ColourDepth::Mono => Color::Reset,
         }
     }
@@ -247,19 +201,6 @@ impl Theme {
         self.palette.is_none()
     }
 
-    /// Returns whether the terminal shows `a` better in front of `b` than behind it: of 16 colours,
-    /// the Linux console has only the first 8 as backgrounds, and dark grey would become black.
-    pub fn prefers_in_front(&self, a: Color, b: Color) -> bool {
-        const DARK_GREY: u8 = 8;
-        match (self.depth, a, b) {
-            (ColourDepth::Basic, Color::Indexed(a), Color::Indexed(b)) => {
-                a >= DARK_GREY && (b < DARK_GREY || a == DARK_GREY && b != DARK_GREY)
-            }
-            _ => false,
-        }
-    }
-
-    /// Returns the style of a message that something went wrong.
     pub fn failure(&self) -> Style {
         match self.depth {
             ColourDepth::Mono => Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED),
@@ -267,8 +208,6 @@ impl Theme {
         }
     }
 
-    /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far
-    /// is dark.
     pub fn distance_colour(&self, share: f32) -> Rgb {
         match &self.palette {
             Some(palette) => palette.distance(share),
@@ -287,13 +226,10 @@ impl Theme {
         self.palette.map_or_else(|| sample(self.error, share), |palette| palette.error(share))
     }
 
-    /// Returns the colour of a contour line on `ground`, with these colours `beside` it.
-    pub fn contour(&self, ground: Rgb, beside: &[Rgb]) -> Rgb {
-        self.palette.map_or_else(|| contour(ground), |palette| palette.contour(ground, beside))
+    pub fn contour(&self, ground: Rgb) -> Rgb {
+        self.palette.map_or_else(|| contour(ground), |palette| palette.contour(ground))
     }
 
-    /// Returns the colour of unvisited floor beyond the known world whose value has the colour
-    /// `ground`, between the lines of its hatching or on them.
     pub fn unvisited(&self, ground: Rgb, is_hatched: bool) -> Rgb {
         if let Some(palette) = &self.palette {
             return palette.unvisited[usize::from(is_hatched)];
@@ -302,13 +238,6 @@ impl Theme {
         if is_hatched { blend(faded, self.wall, HATCH) } else { faded }
     }
 
-    /// Returns the colour of unvisited floor within the known world.
-    pub fn pocket(&self, ground: Rgb) -> Rgb {
-        if self.palette.is_some() { ground } else { blend(ground, self.unknown, POCKET_FADE) }
-    }
-
-    /// Returns the colour of floor from which no path leads to the goal, between the lines of its
-    /// hatching or on them.
     pub fn cut_off(&self, is_hatched: bool) -> Rgb {
         let fade = CUT_OFF_FADES[usize::from(is_hatched)];
         self.palette.map_or_else(
@@ -319,14 +248,127 @@ impl Theme {
 
     /// Returns the tint of the edge of the known world, and its opacity.
     pub fn edge(&self) -> (Rgb, f32) {
-        // Mixtures of 16 colours are any other of them.
-        (self.frontier, if self.depth == ColourDepth::Basic { 1.0 } else { EDGE_TINT })
+        (self.frontier, EDGE_TINT)
     }
 }
 
 /// Returns black or white, whichever is more readable on `ground`.
 pub fn ink(ground: Rgb) -> Rgb {
     if lightness(ground) > 0.5 { (0, 0, 0) } else { (255, 255, 255) }
+}
+
+/// Minimum contrast between walls, floor and contour lines with 256 colours: the nearest colours
+/// would turn them into the same grey.
+const LEAST_CONTRAST: f32 = 1.6;
+
+const LEVELS: usize = 32;
+
+/// A contour line stands out from this many levels around its own: its neighbours.
+const LEVELS_BESIDE: usize = 4;
+
+/// Distances for every kind of colour vision, from near to far: the nearest colours to those of the
+/// gradient would be pink, olive and teal.
+const COLOUR_BLIND_SAFE: [u8; 9] = [227, 221, 179, 144, 247, 103, 67, 61, 25];
+
+#[derive(Clone, Copy, Debug)]
+pub struct Palette {
+    pub wall: Rgb,
+    /// Unvisited floor: between the lines of its hatching, and on them.
+    pub unvisited: [Rgb; 2],
+    /// Distances from near to far.
+    distances: [Rgb; LEVELS],
+    contours: [Rgb; LEVELS],
+    /// Relative errors from -1 to 1.
+    errors: [Rgb; LEVELS],
+}
+
+impl Palette {
+    /// Chooses from the 256 colours, as near as possible to a theme's colours of distances from near
+    /// (0) to far (1), and of errors from too short (0) to too long (1).
+    pub fn of_256(
+        theme: ThemeName,
+        distance: impl Fn(f32) -> Rgb,
+        error: impl Fn(f32) -> Rgb,
+    ) -> Self {
+        let [wall, between, hatched] = match theme {
+            ThemeName::Light => [238, 254, 250],
+            _ => [233, 238, 241],
+        }
+        .map(rgb_of_indexed);
+        let mut lightest = f32::INFINITY;
+        let of_gradient = levels().map(|share| {
+            // Farther is never lighter: after dark blue, the nearest colour is a lighter one.
+            let own = nearest_of_256(distance(share), |rgb| {
+                is_floor(rgb, wall) && lightness(rgb) <= lightest
+            });
+            lightest = lightness(own);
+            own
+        });
+        let distances = match theme {
+            ThemeName::ColourBlindSafe => spread(&COLOUR_BLIND_SAFE),
+            _ => of_gradient,
+        };
+        let contours = std::array::from_fn(|i| {
+            let beside = i.saturating_sub(LEVELS_BESIDE)..(i + LEVELS_BESIDE + 1).min(LEVELS);
+            nearest_of_256(contour(distances[i]), |rgb| {
+                let mut others = distances[beside.clone()].iter().chain([&wall]);
+                others.all(|other| contrast(rgb, *other) >= LEAST_CONTRAST)
+            })
+        });
+        let errors = levels().map(|at| nearest_of_256(error(at), |rgb| is_floor(rgb, wall)));
+        Self { wall, unvisited: [between, hatched], distances, contours, errors }
+    }
+
+    /// The colour of a distance, as a share of the farthest shown.
+    pub fn distance(&self, share: f32) -> Rgb {
+        at(&self.distances, share)
+    }
+
+    /// The colour of a relative error, from 0 (too short) to 1 (too long).
+    pub fn error(&self, share: f32) -> Rgb {
+        at(&self.errors, share)
+    }
+
+    /// Returns the colour of a contour line on the colour of a distance.
+    pub fn contour(&self, ground: Rgb) -> Rgb {
+        let level = self.distances.iter().position(|own| *own == ground);
+        level.map_or(contour(ground), |level| self.contours[level])
+    }
+}
+
+fn spread(colours: &[u8]) -> [Rgb; LEVELS] {
+    std::array::from_fn(|i| rgb_of_indexed(colours[i * colours.len() / LEVELS]))
+}
+
+fn levels() -> [f32; LEVELS] {
+    std::array::from_fn(|i| i as f32 / (LEVELS - 1) as f32)
+}
+
+fn at(levels: &[Rgb; LEVELS], share: f32) -> Rgb {
+    levels[(share.clamp(0.0, 1.0) * (LEVELS - 1) as f32).round() as usize]
+}
+
+/// Returns whether visited floor may have this colour: greys are of walls and unvisited floor.
+fn is_floor(rgb: Rgb, wall: Rgb) -> bool {
+    let is_grey = rgb.0 == rgb.1 && rgb.1 == rgb.2;
+    !is_grey && contrast(rgb, wall) >= LEAST_CONTRAST
+}
+
+/// Returns the nearest of a terminal's 256 colours that `fits`. The first 16 depend on the
+/// terminal's own palette.
+fn nearest_of_256(rgb: Rgb, fits: impl Fn(Rgb) -> bool) -> Rgb {
+    let off = |own: &Rgb| {
+        let square = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
+        2 * square(own.0, rgb.0) + 4 * square(own.1, rgb.1) + 3 * square(own.2, rgb.2)
+    };
+    let colours = (16..=255).map(rgb_of_indexed).filter(|own| fits(*own));
+    colours.min_by_key(off).unwrap_or(rgb)
+}
+
+/// Returns the RGB value of one of a terminal's 256 colours.
+pub fn rgb_of_indexed(index: u8) -> Rgb {
+    let RgbColor(r, g, b) = xterm_to_rgb(Ansi256Color(index), VGA);
+    (r, g, b)
 }
 
 #[cfg(test)]
@@ -364,8 +406,8 @@ mod tests {
             ("", "screen", ColourDepth::Indexed),
             ("", "xterm-kitty", ColourDepth::True),
             ("", "xterm-direct", ColourDepth::True),
-            ("", "linux", ColourDepth::Basic),
-            ("", "xterm-16color", ColourDepth::Basic),
+            ("", "linux", ColourDepth::Mono),
+            ("", "xterm-16color", ColourDepth::Mono),
         ] {
             assert_eq!(ColourDepth::of_names(colorterm, term), depth, "{colorterm} {term}");
         }

@@ -19,14 +19,13 @@ use tokio::sync::watch;
 
 use crate::env::EnvError;
 use crate::job::{Job, Running};
-use crate::learn::Scratch;
 use crate::text::grouped;
 use crate::train::{
     Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Session, Tick,
     TrainError, Trainer,
 };
 pub use command::{Command, MakeWorld};
-pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
+pub use snapshot::{Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 use snapshot::{PublishTimer, SNAPSHOT_INTERVAL};
 
 const EVALUATE_EVERY_UPDATES: u64 = 500;
@@ -132,12 +131,10 @@ impl Engine {
             next_evaluation_at: None,
             evaluation_is_due: false,
             evaluation_pause: EVALUATION_PAUSE_FACTOR,
-            follow: None,
             next_update_at: None,
             new_file: None,
             autosaved: Vec::new(),
             job: job.clone(),
-            scratch: Scratch::default(),
         };
         let thread =
             std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
@@ -197,14 +194,12 @@ struct Worker {
     evaluation_is_due: bool,
     /// The pause after an evaluation, as a multiple of its duration.
     evaluation_pause: u32,
-    follow: Option<usize>,
     next_update_at: Option<Instant>,
     /// Path requested by the latest fresh save, and the file it was written to.
     new_file: Option<(PathBuf, PathBuf)>,
     /// Autosaved files, oldest first, and the updates in each.
     autosaved: Vec<(u64, PathBuf, Option<File>)>,
     job: Job,
-    scratch: Scratch,
 }
 
 fn session() -> Session {
@@ -362,17 +357,15 @@ impl Worker {
 
     fn report_step(&mut self) {
         let counters = self.trainer.counters();
-        let text = match &self.current.phase {
-            Phase::Stepping(Step::Update) if self.trainer.learns() => {
-                format!("update {} done", grouped(self.trainer.learned_updates()))
-            }
-            Phase::Stepping(Step::Update) => {
-                format!(
-                    "no update, as this method does not learn; {} steps so far",
-                    grouped(counters.env_steps)
-                )
-            }
-            _ => format!("episode {} ended", grouped(counters.episodes)),
+        let (is_update, learns) =
+            (self.current.phase == Phase::Stepping(Step::Update), self.trainer.learns());
+        let text = match (is_update, learns) {
+            (true, true) => format!("update {} done", grouped(self.trainer.learned_updates())),
+            (true, false) => format!(
+                "no update, as this method does not learn; {} steps so far",
+                grouped(counters.env_steps)
+            ),
+            (false, _) => format!("episode {} ended", grouped(counters.episodes)),
         };
         self.notify(text);
     }
@@ -492,7 +485,7 @@ mod tests {
         while made.load(Ordering::Relaxed) == 0 {
             std::thread::sleep(Duration::from_millis(1));
         }
-        let other = Command::Follow(Some(2));
+        let other = Command::LimitSpeed(None);
         for command in [edit(None), edit(None), other, edit(None), edit(None), edit(None)] {
             assert!(engine.send(command));
         }

@@ -28,7 +28,6 @@ struct State {
     since: Instant,
     /// The present stage and the number of stages; what is done of the stage, and all of it.
     progress: Mutex<[usize; 4]>,
-    /// Rises while it moves.
     beats: AtomicU64,
     is_cancelled: AtomicBool,
     parts: Mutex<Vec<Job>>,
@@ -54,12 +53,10 @@ impl Job {
         }))
     }
 
-    /// Begins a part, which lasts until the result is dropped.
     pub fn part(&self, what: &'static str) -> Part {
         self.add(Self::new(what))
     }
 
-    /// Adds another job as a part, which lasts until the result is dropped.
     pub fn add(&self, part: Self) -> Part {
         self.beat();
         self.0.parts.lock().push(part.clone());
@@ -85,7 +82,6 @@ impl Job {
         faults::point("progress");
     }
 
-    /// Says how much of the present stage is done.
     pub fn set(&self, done: usize, all: usize) {
         self.0.progress.lock()[2..].copy_from_slice(&[done, all]);
         faults::point("progress");
@@ -134,7 +130,6 @@ impl Job {
 }
 
 impl fmt::Display for Job {
-    /// Formats as `reading a.map, 3 s, 40 %`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         write!(f, "{}{}", self.what(), self.so_far())
     }

@@ -34,8 +34,7 @@ pub use networks::export::{ActorExport, ActorInputs, CriticOutputs, CriticsExpor
 pub use networks::policy::{Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;
 pub use settings::{LearnSettings, LossScale};
-pub use update::losses::Losses;
-pub use update::profile::{Profile, Stage};
+pub use update::report::{Losses, Profile, Stage};
 pub use update::threads::Threads;
 
 /// The built-in learners.

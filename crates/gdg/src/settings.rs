@@ -11,7 +11,6 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// A named set of settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
@@ -64,7 +63,6 @@ impl Preset {
 pub(crate) const GROUPS: [&str; 8] =
     ["networks", "targets", "batches", "optimiser", "agents", "exploration", "bridges", "planning"];
 
-/// Effect of changing a setting during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
     Immediate,
@@ -84,7 +82,6 @@ impl Effect {
     }
 }
 
-/// Everything about a setting except its type and its values in the presets.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
     /// Its name on the command line and in files.
@@ -99,7 +96,6 @@ pub struct Setting {
     pub ablation: Option<Ablation>,
 }
 
-/// A run that does without something, by another value of its setting.
 #[derive(Clone, Copy, Debug)]
 pub struct Ablation {
     pub name: &'static str,
@@ -128,9 +124,7 @@ impl Setting {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Auto<T> {
-    /// The given value.
     Given(T),
-    /// Derived from the run.
     Auto(AutoWord),
 }
 
@@ -155,7 +149,6 @@ impl<T: Copy> Auto<T> {
 #[derive(Clone, Copy, Debug)]
 pub struct Values {
     pub(crate) kind: Kind,
-    /// Whether `"auto"` is valid, too.
     pub(crate) or_auto: bool,
     /// Additional condition on other settings; [`Values::accept`] does not check it.
     condition: &'static str,

@@ -27,7 +27,6 @@ pub struct Store {
 pub struct StoreError(String);
 
 impl StoreError {
-    /// Creates an error about contents that do not fit.
     pub fn inconsistent(message: impl Into<String>) -> Self {
         Self(message.into())
     }
@@ -87,7 +86,6 @@ impl Store {
         Ok(())
     }
 
-    /// Returns the value added by [`Self::put_json`].
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         serde_json::from_str(self.text(name)?).map_err(|e| StoreError::unreadable(name, e))
     }

@@ -54,7 +54,6 @@ impl From<candle_core::Error> for TrainError {
     }
 }
 
-/// Why a file of data cannot be learned from.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{file}: {problem}")]
 pub struct DataError {
@@ -63,12 +62,10 @@ pub struct DataError {
     pub problem: String,
 }
 
-/// An error that stops training or prevents it from starting.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
     #[error(transparent)]
     Learn(#[from] LearnError),
-    /// A thread cannot be started.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] std::io::Error),
     #[error(transparent)]
@@ -78,7 +75,6 @@ pub enum TrainError {
     /// A world cannot replace the current one.
     #[error(transparent)]
     Env(#[from] EnvError),
-    /// The settings need more memory than is available.
     #[error("{0}")]
     Memory(String),
     /// The learner is not registered, or the networks are not finite.

@@ -1,10 +1,12 @@
 //! What the screen shows of a run, computed from copies of the networks on a separate thread:
-//! distance fields, the bridge graph, the planned path, and an agent walking to the goal. `maze` is
-//! about worlds with a map, `space` about the others; `pilot` is what their agents have in common.
+//! distance fields, the bridge graph, the planned path, and an agent walking to the goal. `worker`
+//! computes it; `pilot` is how the agent finds its way, `maze` what only worlds with a map have, and
+//! `film` D of the past.
 
-pub mod maze;
+mod film;
+mod maze;
 mod pilot;
-pub mod space;
+mod worker;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -12,29 +14,22 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use crate::bridge::BridgeGraph;
-use crate::engine::{Engine, Networks, Snapshot};
+use crate::draw::Raster;
+use crate::engine::{Engine, Snapshot};
 use crate::env::Scene;
-use crate::learn::{Policy, Scratch};
+use crate::env::fetch_reach::Pose;
+use crate::map::Cell;
 use crate::train::FilmFrame;
-pub use maze::MazeView;
-use maze::MazeWorker;
+pub use film::FilmedMap;
+pub use maze::{CellInfo, Exploration, Knowledge, cell_of_goal, way_along};
 pub use pilot::{Candidate, Graph, OnArrival, Reach};
-pub use space::SpaceView;
-use space::SpaceWorker;
+use worker::Worker;
 
-/// Minimum interval between recomputations of field and graph, and the pause after each as a
-/// multiple of its duration. They run concurrently with training, but on the same cores, so they
-/// pause longer while it runs.
-const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
-const TRAINING_PAUSE_FACTOR: u32 = 80;
-const IDLE_PAUSE_FACTOR: u32 = 3;
+/// Time between two steps of the walking agent.
+const STEP_INTERVAL: Duration = Duration::from_millis(75);
 
-/// Candidates considered at each pixel for D along the bridge graph.
-const LINK_CANDIDATES_PER_PIXEL: usize = 6;
-
-/// A request from the screen. Requests about another kind of scene than the run's date from before
-/// another run was loaded, and are ignored.
+/// A request from the screen. Those that do not fit the world date from before another run was
+/// loaded, and are ignored. Goals and places are `(goal_dim)`.
 #[derive(Clone, Debug)]
 pub enum Request {
     /// What the walking agent does at the goal.
@@ -43,92 +38,111 @@ pub enum Request {
     Field(Field),
     /// The frame of the film to show instead of the present, if any.
     Past(Option<Arc<FilmFrame>>),
-    /// About a maze.
-    Maze(maze::Request),
-    /// About a world without a map.
-    Space(space::Request),
+    /// Goal of the displayed distances and of the walking agent, or a random one; and the number of
+    /// this request.
+    Goal(Option<Vec<f32>>, u64),
+    /// Where the agent of a maze or an arm starts next; `None` for one of the world's own starts.
+    Start(Option<Vec<f32>>),
+    /// The planes to show D on.
+    Planes(Arc<Vec<Plane>>),
+    /// The cell of a maze to inspect.
+    Inspect(Option<Cell>),
 }
 
-impl From<space::Request> for Request {
-    fn from(request: space::Request) -> Self {
-        Self::Space(request)
+/// What the screen shows at one moment. Goals and places are `(goal_dim)`.
+#[derive(Clone, Debug, Default)]
+pub struct View {
+    /// The goal, and the number of the request that set it.
+    pub goal: (Option<Vec<f32>>, u64),
+    /// The quantity that the fields show.
+    pub kind: Field,
+    /// The frame of the film that the fields show instead, if any.
+    pub past: Option<Arc<FilmFrame>>,
+    /// The planes of the fields; a maze has one.
+    pub planes: Arc<Vec<Plane>>,
+    /// The values on each plane, row by row; NaN at walls and where no agent can be.
+    pub fields: Arc<Vec<Vec<f32>>>,
+    /// The largest value, at least 1.
+    pub farthest: f32,
+    /// The bridge graph.
+    pub graph: Arc<Graph>,
+    /// The agent's walk.
+    pub reach: Reach,
+    /// The positions of an arm's parts.
+    pub pose: Option<Pose>,
+    /// What the agents have explored of a maze.
+    pub exploration: Arc<Exploration>,
+    /// The cells, row by row, from which no path leads to the goal, although they are free. Empty
+    /// if there are none.
+    pub cut_off: Arc<Vec<bool>>,
+    /// Information about the cell under the cursor.
+    pub inspected: Option<CellInfo>,
+}
+
+impl View {
+    /// Returns the only field of a maze, and its pixels.
+    pub fn field(&self) -> Option<(&[f32], Raster)> {
+        Some((self.fields.first()?, self.planes.first()?.raster))
     }
 }
 
-impl From<maze::Request> for Request {
-    fn from(request: maze::Request) -> Self {
-        Self::Maze(request)
+/// A plane in the space of goals, and the pixels that show it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane {
+    /// The part shown: to the right and downwards.
+    pub raster: Raster,
+    /// The direction to the right, `(goal_dim)`, of length 1.
+    pub across: Vec<f32>,
+    /// The direction upwards, of length 1 and at right angles to `across`; 0 for goals of a single
+    /// number.
+    pub up: Vec<f32>,
+    /// How many units to the right are as long as one upwards.
+    pub stretch: f32,
+}
+
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Plane {
+    /// The plane of a maze: y is down.
+    pub fn of_maze(raster: Raster) -> Self {
+        Self { raster, across: vec![1.0, 0.0], up: vec![0.0, -1.0], stretch: 1.0 }
     }
-}
 
-/// What the screen shows at one moment.
-#[derive(Clone, Debug)]
-pub enum View {
-    /// Of a maze.
-    Maze(Arc<MazeView>),
-    /// Of a world without a map.
-    Space(Arc<SpaceView>),
-}
-
-impl Default for View {
-    fn default() -> Self {
-        Self::Maze(Arc::default())
+    /// Returns where a place is shown: to the right and downwards.
+    pub fn flat(&self, at: &[f32]) -> [f32; 2] {
+        [dot(at, &self.across), -self.stretch * dot(at, &self.up)]
     }
-}
 
-/// Computes what is shown of one kind of scene.
-trait SceneWorker: Send {
-    /// Returns whether it draws `scene`; otherwise another worker takes over.
-    fn draws(&self, scene: &Scene) -> bool;
+    /// Returns where the line of sight to a point on the screen, to the right and downwards, meets
+    /// the plane through `near`.
+    pub fn point(&self, [right, down]: [f32; 2], near: &[f32]) -> Vec<f32> {
+        let by = [right - dot(near, &self.across), -down / self.stretch - dot(near, &self.up)];
+        let axes = self.across.iter().zip(&self.up);
+        near.iter().zip(axes).map(|(at, (x, y))| at + by[0] * x + by[1] * y).collect()
+    }
 
-    /// Returns the time between two steps of the walking agent.
-    fn step_interval(&self) -> Duration;
-
-    /// Changes to the world of the latest snapshot, to which requests refer.
-    fn enter(&mut self, _snapshot: &Snapshot) {}
-
-    /// Returns the state that all kinds of scene share.
-    fn shown(&mut self) -> &mut Shown;
-
-    /// Handles a request about this kind of scene; ignores those about others.
-    fn handle_own(&mut self, request: Request);
-
-    fn handle(&mut self, request: Request) {
-        let shown = self.shown();
-        shown.changed = true;
-        match request {
-            Request::OnArrival(on_arrival) => shown.on_arrival = on_arrival,
-            Request::Field(kind) => {
-                shown.kind = kind;
-                shown.timer.make_due();
+    /// Returns whether an agent may be at what pixel `i` shows of the plane through `near`.
+    pub fn is_open(&self, i: usize, near: &[f32], scene: &Scene) -> bool {
+        let at = || self.point(self.raster.middle_of(i), near);
+        match scene {
+            Scene::Arm(arm) => <[f32; 3]>::try_from(at()).is_ok_and(|at| arm.has_room(at)),
+            Scene::Goals(space) => {
+                // Only the first two components are positions in its maze.
+                let is_position = |axis: &[f32]| axis.iter().take(2).any(|along| *along != 0.0);
+                let are_both = is_position(&self.across) && is_position(&self.up);
+                !are_both || !space.is_wall([at()[0], at()[1]])
             }
-            Request::Past(past) => shown.look_at(past),
-            Request::Maze(_) | Request::Space(_) => self.handle_own(request),
+            Scene::Maze(_) => true,
         }
-    }
-
-    /// Moves the walking agent by one step.
-    fn walk(&mut self);
-
-    /// Recomputes what is due from the latest snapshot.
-    fn refresh(&mut self, snapshot: &Snapshot);
-
-    /// Returns the view, if it has changed since the last call.
-    fn changed_view(&mut self) -> Option<View>;
-}
-
-/// Returns the worker for the world of `snapshot`.
-fn worker_for(snapshot: &Snapshot) -> Box<dyn SceneWorker> {
-    match &snapshot.scene {
-        Scene::Maze(scene) => Box::new(MazeWorker::new(scene, snapshot)),
-        Scene::Arm(_) | Scene::Goals(_) => Box::new(SpaceWorker::new(snapshot)),
     }
 }
 
 /// Handle to the thread that computes views.
 pub struct Viewer {
     requests: Sender<Request>,
-    views: watch::Receiver<View>,
+    views: watch::Receiver<Arc<View>>,
 }
 
 impl Viewer {
@@ -138,162 +152,62 @@ impl Viewer {
     /// The thread cannot be started.
     pub fn start(engine: &Engine) -> std::io::Result<Self> {
         let (requests, inbox) = channel();
-        let (publish, views) = watch::channel(View::default());
+        let (publish, views) = watch::channel(Arc::default());
         let snapshots = engine.snapshots();
-        let view = move || {
-            // A world in another process takes seconds to start; the engine publishes meanwhile.
-            let snapshot = snapshots.borrow().clone();
-            let scene = worker_for(&snapshot);
-            Worker { snapshots, inbox, publish, scene }.run();
-        };
+        // A world in another process takes seconds to start; the engine publishes meanwhile.
+        let view = move || run(&snapshots, &inbox, &publish);
         std::thread::Builder::new().name("viewer".to_owned()).spawn(view)?;
         Ok(Self::new(requests, views))
     }
 
     /// Connects with what takes `requests` and publishes `views`, as [`Self::start`] does.
-    pub fn new(requests: Sender<Request>, views: watch::Receiver<View>) -> Self {
+    pub fn new(requests: Sender<Request>, views: watch::Receiver<Arc<View>>) -> Self {
         Self { requests, views }
     }
 
     /// Sends a request. Errors are ignored: the thread ends only with the program.
-    pub fn request(&self, request: impl Into<Request>) {
-        let _ = self.requests.send(request.into());
+    pub fn request(&self, request: Request) {
+        let _ = self.requests.send(request);
     }
 
     /// Returns a receiver of the latest view.
-    pub fn views(&self) -> watch::Receiver<View> {
+    pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.views.clone()
     }
 }
 
-struct Worker {
-    snapshots: watch::Receiver<Arc<Snapshot>>,
-    inbox: Receiver<Request>,
-    publish: watch::Sender<View>,
-    scene: Box<dyn SceneWorker>,
-}
-
-impl Worker {
-    fn run(mut self) {
-        let mut stepped = Instant::now();
-        loop {
-            crate::faults::point("viewer");
-            let wait = self.scene.step_interval().saturating_sub(stepped.elapsed());
-            match self.inbox.recv_timeout(wait) {
-                Ok(request) => {
-                    // Handles all queued requests before computing anything for them.
-                    let mut next = Some(request);
-                    while let Some(request) = next {
-                        self.enter_scene();
-                        self.scene.handle(request);
-                        next = self.inbox.try_recv().ok();
-                    }
+fn run(
+    snapshots: &watch::Receiver<Arc<Snapshot>>,
+    inbox: &Receiver<Request>,
+    publish: &watch::Sender<Arc<View>>,
+) {
+    let latest = || snapshots.borrow().clone();
+    let mut worker = Worker::new(&latest());
+    let mut stepped = Instant::now();
+    loop {
+        crate::faults::point("viewer");
+        match inbox.recv_timeout(STEP_INTERVAL.saturating_sub(stepped.elapsed())) {
+            Ok(request) => {
+                // Handles all queued requests before computing anything for them.
+                let mut next = Some(request);
+                while let Some(request) = next {
+                    worker.enter(&latest());
+                    worker.handle(request);
+                    next = inbox.try_recv().ok();
                 }
-                Err(RecvTimeoutError::Timeout) => {
-                    stepped = Instant::now();
-                    self.scene.walk();
-                }
-                Err(RecvTimeoutError::Disconnected) => return,
             }
-            let snapshot = self.enter_scene();
-            self.scene.refresh(&snapshot);
-            if let Some(view) = self.scene.changed_view() {
-                self.publish.send_replace(view);
+            Err(RecvTimeoutError::Timeout) => {
+                stepped = Instant::now();
+                worker.walk();
             }
+            Err(RecvTimeoutError::Disconnected) => return,
         }
-    }
-
-    /// Returns the latest snapshot, after switching to its world's scene: requests refer to the
-    /// world that is shown.
-    fn enter_scene(&mut self) -> Arc<Snapshot> {
-        let snapshot = self.snapshots.borrow().clone();
-        if !self.scene.draws(&snapshot.scene) {
-            self.scene = worker_for(&snapshot);
+        let snapshot = latest();
+        worker.enter(&snapshot);
+        worker.refresh(&snapshot);
+        if let Some(view) = worker.changed_view() {
+            publish.send_replace(Arc::new(view));
         }
-        self.scene.enter(&snapshot);
-        snapshot
-    }
-}
-
-/// Returns the pause after a recomputation, as a multiple of its duration.
-fn pause_factor(snapshot: &Snapshot) -> u32 {
-    if snapshot.phase.is_training() { TRAINING_PAUSE_FACTOR } else { IDLE_PAUSE_FACTOR }
-}
-
-/// When something was last computed, and how long it took.
-#[derive(Clone, Copy, Default)]
-struct RefreshTimer(Option<(Instant, Duration)>);
-
-impl RefreshTimer {
-    /// Whether it may be recomputed, after a pause of `pause_factor` its duration.
-    fn is_due(self, pause_factor: u32) -> bool {
-        self.0.is_none_or(|(at, took)| at.elapsed() >= REFRESH_INTERVAL.max(took * pause_factor))
-    }
-
-    fn is_urgent(self) -> bool {
-        self.0.is_none()
-    }
-
-    /// Records a computation that started at `began`.
-    fn done(&mut self, began: Instant) {
-        self.0 = Some((Instant::now(), began.elapsed()));
-    }
-
-    fn make_due(&mut self) {
-        self.0 = None;
-    }
-}
-
-/// What is shown of any scene: the choices of the user, and the networks behind a field.
-struct Shown {
-    kind: Field,
-    /// The networks that the field is computed from.
-    networks: Arc<Networks>,
-    /// When the field was last computed.
-    timer: RefreshTimer,
-    /// The frame of the film that is shown instead.
-    past: Option<Arc<FilmFrame>>,
-    on_arrival: OnArrival,
-    /// Whether the view has changed since it was published.
-    changed: bool,
-}
-
-impl Shown {
-    fn new(snapshot: &Snapshot) -> Self {
-        Self {
-            kind: Field::default(),
-            networks: snapshot.networks.clone(),
-            timer: RefreshTimer::default(),
-            past: None,
-            on_arrival: OnArrival::default(),
-            changed: true,
-        }
-    }
-
-    /// Takes the networks of `snapshot` if the field is due; returns whether it is.
-    fn follow(&mut self, snapshot: &Snapshot) -> bool {
-        let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
-        // The past does not change.
-        let changed = changed && self.past.is_none();
-        let due = self.timer.is_urgent() || changed && self.timer.is_due(pause_factor(snapshot));
-        if due {
-            self.networks = snapshot.networks.clone();
-        }
-        due
-    }
-
-    /// Changes to a frame of the film, or back to the networks.
-    fn look_at(&mut self, past: Option<Arc<FilmFrame>>) {
-        self.past = past;
-        self.timer.make_due();
-    }
-}
-
-/// Appends a place to a trail that keeps the latest `most`.
-fn push_to_trail<T>(trail: &mut Vec<T>, at: T, most: usize) {
-    trail.push(at);
-    if trail.len() > most {
-        trail.remove(0);
     }
 }
 
@@ -393,52 +307,30 @@ impl Field {
     }
 }
 
-/// Returns the distances that `kind` shows at `states`, which are at `places`, with a start state
-/// and a goal: those of D, unless they lead from the start or along the graph.
-fn distances(
-    kind: Field,
-    policy: &dyn Policy,
-    graph: Option<&BridgeGraph>,
-    [states, places]: [&[f32]; 2],
-    [start, goal]: [&[f32]; 2],
-    scratch: &mut Scratch,
-) -> Vec<f32> {
-    if let (Field::Composed, Some(graph)) = (kind, graph) {
-        let route = graph.route(goal, policy, scratch);
-        return graph.composed_distances(
-            states,
-            &route,
-            LINK_CANDIDATES_PER_PIXEL,
-            policy,
-            scratch,
-        );
-    }
-    let count = places.len() / goal.len();
-    let mut of = |from: &[f32], to: &[f32]| {
-        let mut distances = vec![0.0; count];
-        policy.distances(from, to, &mut distances, scratch);
-        distances
-    };
-    match kind {
-        Field::FromStart => of(&start.repeat(count), places),
-        Field::OverEach => {
-            let before = of(&start.repeat(count), places);
-            let after = of(states, &goal.repeat(count));
-            before.into_iter().zip(after).map(|(before, after)| before + after).collect()
-        }
-        _ => of(states, &goal.repeat(count)),
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Returns the mean of D in a film's frame over places, each with a weight; NaN if it is not known
-/// at any place with a positive weight.
-fn mean_distance(frame: &FilmFrame, places: impl IntoIterator<Item = (usize, f32)>) -> f32 {
-    let weighted = places.into_iter().filter(|(_, weight)| *weight > 0.0);
-    let (sum, weights) = weighted
-        .map(|(place, weight)| (frame.distance(place), weight))
-        .filter(|(distance, _)| distance.is_finite())
-        .fold((0.0, 0.0), |(sum, weights), (distance, weight)| {
-            (sum + weight * distance, weights + weight)
-        });
-    if weights > 0.0 { sum / weights } else { f32::NAN }
+    #[test]
+    fn points_on_a_plane_keep_the_other_coordinates_of_the_goal() {
+        let raster = Raster { window: [0.0; 4], pixels: (1, 1) };
+        let of = |across: [f32; 3], up: [f32; 3], stretch| Plane {
+            raster,
+            across: across.to_vec(),
+            up: up.to_vec(),
+            stretch,
+        };
+        let (x, y, z) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let goal = [1.3, 0.7, 0.5];
+        for (plane, expected) in [
+            (of(x, z, 1.0), [1.2, 0.7, 0.6]),
+            (of(y, z, 1.0), [1.3, 1.2, 0.6]),
+            (of(x, y, 2.0), [1.2, 0.3, 0.5]),
+        ] {
+            let at = plane.point([1.2, -0.6], &goal);
+            assert!((0..3).all(|i| (at[i] - expected[i]).abs() < 1e-6), "{at:?}");
+            let flat = plane.flat(&at);
+            assert!((flat[0] - 1.2).abs() < 1e-6 && (flat[1] + 0.6).abs() < 1e-6, "{flat:?}");
+        }
+    }
 }

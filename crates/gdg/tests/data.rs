@@ -114,6 +114,9 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     recorded(folder.path(), 8);
     let error = load(&checkpoint, 1).check_data().unwrap_err().to_string();
     assert!(error.contains("walks.npz: is not what the run has learned from"), "{error}");
+    // A checkpoint of a run that had read the file before contains its data.
+    assert!(state(&whole).contains_key("replay"));
+    assert!(whole.take_warnings().concat().contains("walks.npz has changed or is gone"));
     // Nor are they ignored while the run's own are there.
     let named = folder.path().join("named.npz");
     std::fs::rename(&file, &named).unwrap();

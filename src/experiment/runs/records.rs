@@ -10,7 +10,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{EDITED, HELP, Kind, SavedRun, State, unreadable, with_preset};
+use super::{EDITED, HELP, Kind, SavedRun, State, facts, unreadable};
 use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::{safe_file_name, sanitized};
@@ -66,19 +66,16 @@ impl SavedRun {
         let Start { world, fingerprint, map, gym, data, method, preset, settings, seed, .. } =
             start;
         let named =
-            |facts: &Option<Value>, key| Some(facts.as_ref()?.get(key)?.as_str()?.to_owned());
-        // Seeds are those of one thing only if they learned and were evaluated on the same.
-        let data = data.map(|data| format!("data={:08x}", data.checksum));
-        let scenario = named(&map, "scenario").map(|tasks| format!("scenario={tasks}"));
+            |known: &Option<Value>, key| Some(known.as_ref()?.get(key)?.as_str()?.to_owned());
+        let (data, scenario) = (data.map(|data| data.checksum), named(&map, "scenario"));
         let map = named(&map, "name").or_else(|| named(&gym, "id"));
         let settings = settings.iter().map(|(name, value)| setting_text(name, value));
-        let settings = settings.chain(data).chain(scenario);
         Self {
             source: source.to_owned(),
             map: map.unwrap_or(world),
             fingerprint,
             method,
-            settings: with_preset(&preset, settings),
+            settings: facts(&preset, settings, data, scenario),
             seed,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),
@@ -227,7 +224,8 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
         all.iter().copied().filter(|i| into[*i].is_none()).collect()
     };
     let open = is_open(&into, &records);
-    for (n, i) in open.iter().enumerate() {
+    // Of several that go on from one, the longest.
+    for (n, i) in open.iter().enumerate().rev() {
         let run = &runs[*i];
         let is_before =
             |part: &&usize| into[**part].is_none() && run.is_resumed_from(&runs[**part]);
@@ -239,7 +237,7 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
     for i in is_open(&into, &checkpoints) {
         let named = naming.get(&whole(&runs[i].source)).into_iter().flatten();
         // Others may have begun anew and replaced the file.
-        into[i] = named.rev().copied().find(|part| runs[*part].is_same(&runs[i]));
+        into[i] = named.copied().find(|part| runs[*part].is_same(&runs[i]));
     }
     for i in records.into_iter().chain(checkpoints) {
         if let Some(host) = into[i] {
@@ -263,7 +261,7 @@ impl SavedRun {
         let fingerprints = self.fingerprint.as_ref().zip(other.fingerprint.as_ref());
         let has_same_map = safe_file_name(&self.map) == safe_file_name(&other.map)
             && fingerprints.is_none_or(|(own, other)| own == other);
-        (&self.method, self.seed) == (&other.method, other.seed)
+        (&self.method, &self.settings, self.seed) == (&other.method, &other.settings, other.seed)
             && (has_same_map || self.is_edited() || other.is_edited())
     }
 
@@ -279,7 +277,6 @@ impl SavedRun {
         let written = other.checkpoint.iter().chain([&other.source]).chain(&other.others);
         self.begun > other.begun
             && self.is_same(other)
-            && self.settings == other.settings
             && from.is_some_and(|from| written.into_iter().any(|path| whole(path) == from))
     }
 
@@ -376,6 +373,7 @@ mod tests {
         let (second, third) = (part("2.jsonl", 2, &[3, 4, 5]), part("3.jsonl", 4, &[5, 6]));
         let other = run(Kind::Checkpoint, "saves/b.safetensors", 0, &[1]);
         let replaced = SavedRun { seed: 4, ..checkpoint(&[1]) };
+        let set = SavedRun { settings: vec!["n_step=1".to_owned()], ..first.clone() };
         let of_job = |kind, end| run(kind, &format!("jobs/a.{end}"), 0, &[4]);
         let job =
             [(Kind::Records, "jsonl"), (Kind::Result, "json"), (Kind::Checkpoint, "safetensors")]
@@ -387,6 +385,11 @@ mod tests {
             (&[&first, &other], &["1.jsonl [] 1.0 2.0", "saves/b.safetensors [] 1.0"]),
             (&[&first, &replaced], &["1.jsonl [] 1.0 2.0", "saves/a.safetensors [] 1.0"]),
             (&job.each_ref(), &["jobs/a.json [jobs/a.jsonl jobs/a.safetensors] 4.0"]),
+            // One with other settings has, and is resumed.
+            (
+                &[&set, &part("2.jsonl", 0, &[2]), &saved, &part("3.jsonl", 2, &[3])],
+                &["1.jsonl [] 1.0 2.0", "3.jsonl [2.jsonl saves/a.safetensors] 1.0 2.0 3.2"],
+            ),
             // A run that began anew has replaced the file.
             (
                 &[&first, &saved, &part("2.jsonl", 0, &[3])],

@@ -199,9 +199,6 @@ const GOAL_AND_AGENT: &[Binding] = &[
     watch(A::OnArrival, "on-arrival", &["t"], |s, _| view::next_on_arrival(s))
         .about("when @ arrives: restart, visit other goals, or stay", "tour loop repeat")
         .own(Comparison::next_on_arrival),
-    watch(A::Follow, "follow", &["f"], |s, _| view::follow_next(s))
-        .about("follow the next exploring agent", "track watch explorer rollout trajectory")
-        .in_present(),
 ];
 
 /// A row for an arrow key.
@@ -221,8 +218,6 @@ const VIEW: &[Binding] = &[
         .in_present(),
     overlay(Overlay::Contours, "contours", &["c"])
         .about("contour lines, on or off", "isolines levels overlay layer hide show"),
-    overlay(Overlay::Directions, "directions", &["r"])
-        .about("the actor's directions, on or off", "arrows policy actions gradient vector field"),
     overlay(Overlay::Unexplored, "unvisited", &["x"])
         .about("unvisited cells and their edge, on or off", "unexplored exploration frontier fog"),
     overlay(Overlay::Agents, "agents", &["a"])
@@ -280,7 +275,7 @@ const PANES: &[Binding] = &[
         .about("training progress and success", "statistics numbers pane panel"),
     pane(Pane::Curves, "curves", &["2"])
         .about("curves of success, coverage, losses and errors", "plots charts graphs history"),
-    pane(Pane::Walk, "walk", &["3"]).about("the followed agent", "pane panel"),
+    pane(Pane::Walk, "walk", &["3"]).about("the walking agent", "pane panel"),
     pane(Pane::Legend, "legend", &["4"])
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
     pane(Pane::Log, "log", &["5"])

@@ -26,7 +26,7 @@ use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::render::chart::{self, Curve};
 use crate::tui::render::{curves, finish_frame, footer, too_small};
-use crate::tui::scene::maze;
+use crate::tui::scene::SceneKind;
 use crate::tui::session::{Cx, Session};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::short;
@@ -86,7 +86,7 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         drawn[own].map_pane = map;
         let Session { cx: Cx { screen, scene, .. }, cache, .. } = &mut comparison.sessions[own];
         if let Some(maze) = scene.maze() {
-            maze::draw(frame, [map, meaning], maze, screen, &mut drawn[own], cache);
+            maze.draw(frame, [map, meaning], screen, &mut drawn[own], cache);
         }
         frame.render_widget(Paragraph::new(facts), below);
     }
@@ -177,7 +177,7 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
 
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
     let session = &comparison.sessions[own];
-    let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.walk);
+    let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.reach);
     let (success, latest) = (session.screen.success(), snapshot.evaluations.last());
     let unknown = || "-".to_owned();
     let rate = |rate: f64| format!("{rate:.2}");

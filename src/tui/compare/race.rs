@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use gdg::viewer::{MazeView, OnArrival};
+use gdg::viewer::{OnArrival, View};
 
 const REST: Duration = Duration::from_millis(1500);
 
@@ -57,8 +57,8 @@ impl Race {
         (self.arrived, self.over) = ([None; 2], None);
     }
 
-    pub fn observe(&mut self, side: usize, view: &MazeView) {
-        let walk = &view.walk;
+    pub fn observe(&mut self, side: usize, view: &View) {
+        let walk = &view.reach;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
             return;
         }
@@ -106,10 +106,10 @@ impl Race {
 mod tests {
     use super::*;
     use gdg::map::parse_map;
-    use gdg::viewer::maze::Walk;
+    use gdg::viewer::Reach;
 
-    fn view(number: u64, walk: Walk) -> MazeView {
-        MazeView { goal: (None, number), walk, ..MazeView::default() }
+    fn view(number: u64, reach: &Reach) -> View {
+        View { goal: (None, number), reach: reach.clone(), ..View::default() }
     }
 
     #[test]
@@ -120,12 +120,12 @@ mod tests {
         let start = race.random_start(goal);
         assert!(start.x < 4, "a path leads to the goal");
         race.begin(start, goal, [7, 8]);
-        let arrived = Walk { arrived: true, shortest: Some(3), ..Walk::default() };
-        race.observe(0, &view(6, arrived));
+        let arrived = Reach { arrived: true, shortest: Some(3), ..Reach::default() };
+        race.observe(0, &view(6, &arrived));
         assert_eq!(race.arrived, [None; 2], "an earlier race");
-        race.observe(0, &view(7, arrived));
+        race.observe(0, &view(7, &arrived));
         assert_eq!((race.results, race.over), (([0, 0], 0), None), "the other one still walks");
-        race.observe(1, &view(8, Walk { steps: MIN_STEPS, shortest: Some(3), ..Walk::default() }));
+        race.observe(1, &view(8, &Reach { steps: MIN_STEPS, arrived: false, ..arrived }));
         assert_eq!(race.results, ([1, 0], 1));
         assert!(race.next_round().is_none(), "they rest");
         race.over = race.over.and_then(|at| at.checked_sub(REST));

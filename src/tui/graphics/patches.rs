@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
-use super::{Graphics, Picture, Protocol, Redraw};
+use super::{Graphics, Picture, Redraw, encode};
 
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
@@ -23,50 +23,23 @@ const LONGEST_REST: Duration = Duration::from_secs(1);
 /// How long after user input pictures are drawn as if training were paused.
 const AWAKE: Duration = Duration::from_millis(300);
 
-/// A patch on the screen.
 struct Patch {
     area: Rect,
     /// Red, green and blue, row by row.
     pixels: Vec<u8>,
 }
 
-impl Patch {
-    /// Copies the pixels of a picture's part of the same size; returns whether any changed.
-    fn show(&mut self, part: &Part) -> bool {
-        let size = 3 * part.width * part.height;
-        let mut has_changed = self.pixels.len() != size;
-        self.pixels.resize(size, 0);
-        for (own, new) in self.pixels.chunks_exact_mut(3 * part.width).zip(part.rows()) {
-            if own != new {
-                own.copy_from_slice(new);
-                has_changed = true;
-            }
-        }
-        has_changed
-    }
-}
-
-/// The pictures on the screen.
+#[derive(Default)]
 pub struct Patches {
-    protocol: Protocol,
     shown: Vec<Patch>,
     /// Earliest time of the next update of changed pictures.
     resting_until: Option<Instant>,
-    /// When training gets priority again.
     awake_until: Option<Instant>,
     /// Whether what is shown is out of date.
     is_behind: bool,
-    /// The size of the latest update.
-    bytes: usize,
 }
 
 impl Patches {
-    /// Creates the patches of a screen without pictures.
-    pub fn new(protocol: Protocol) -> Self {
-        let (resting_until, awake_until) = (None, None);
-        Self { protocol, shown: Vec::new(), resting_until, awake_until, is_behind: false, bytes: 0 }
-    }
-
     /// Forgets all patches after the screen has been cleared.
     pub fn forget(&mut self) {
         self.shown.clear();
@@ -77,8 +50,7 @@ impl Patches {
         self.is_behind
     }
 
-    /// Pauses updates after `end`, when the terminal has read the latest one, in proportion to the
-    /// time it `took`.
+    /// Pauses updates after `end`, when the terminal has read the latest, by the time it `took`.
     pub fn rest(&mut self, end: Instant, took: Duration, is_training: bool) {
         let factor = if is_training && !is_ahead(self.awake_until) {
             TRAINING_REST_FACTOR
@@ -88,7 +60,6 @@ impl Patches {
         self.resting_until = Some(end + LONGEST_REST.min(factor * took));
     }
 
-    /// Returns how much of the pictures to redraw.
     pub fn redraw(&self, is_training: bool) -> Redraw {
         match is_training && !is_ahead(self.awake_until) {
             _ if self.is_resting() => Redraw::Nothing,
@@ -107,15 +78,14 @@ impl Patches {
         self.awake_until = Some(Instant::now() + AWAKE);
     }
 
-    /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere
-    /// else.
+    /// Returns the bytes that show `pictures` where `screen` reserves places for them.
     pub fn update(
         &mut self,
         pictures: &[&Picture],
         screen: &Buffer,
         graphics: Graphics,
     ) -> std::io::Result<Vec<u8>> {
-        let mut out = Vec::with_capacity(self.bytes);
+        let mut out = Vec::new();
         let is_resting = self.is_resting();
         let mut before = std::mem::take(&mut self.shown);
         let wanted: Vec<(Rect, &Picture)> = pictures
@@ -126,7 +96,7 @@ impl Patches {
         // Delete old patches first: a new one in the same place has the same id.
         for patch in &before {
             if !wanted.iter().any(|(area, _)| *area == patch.area) {
-                self.protocol.delete(&mut out, patch.area.as_position());
+                encode::delete(&mut out, patch.area.as_position());
             }
         }
         self.is_behind = false;
@@ -137,29 +107,28 @@ impl Patches {
             return Ok(out);
         }
         for (area, picture) in wanted {
-            let part = Part::of(picture, area, graphics);
             let at = before.iter().position(|patch| patch.area == area);
             let empty = Patch { area, pixels: Vec::new() };
             let mut patch = at.map_or(empty, |at| before.swap_remove(at));
-            if patch.show(&part) {
-                let size = (part.width as u32, part.height as u32);
-                self.protocol.patch(&mut out, area, &patch.pixels, size)?;
+            let (across, down) = graphics.character;
+            let size = (u32::from(area.width * across), u32::from(area.height * down));
+            let rows = || rows(picture, area, graphics);
+            if !patch.pixels.chunks_exact(3 * size.0 as usize).eq(rows()) {
+                patch.pixels = rows().flatten().copied().collect();
+                encode::patch(&mut out, area, &patch.pixels, size)?;
             }
             self.shown.push(patch);
         }
-        // The capacity for the next update.
-        self.bytes = out.len() + out.len() / 4;
         Ok(out)
     }
 
     /// Returns the bytes that delete all pictures, before the screen is left or cleared.
     pub fn clear(&mut self) -> &'static [u8] {
         self.shown.clear();
-        if self.protocol == Protocol::Kitty { super::encode::DELETE_ALL } else { b"" }
+        encode::DELETE_ALL
     }
 }
 
-/// Returns whether a moment is still to come.
 fn is_ahead(moment: Option<Instant>) -> bool {
     moment.is_some_and(|moment| Instant::now() < moment)
 }
@@ -178,56 +147,28 @@ fn cut(picture: &Picture, screen: &Buffer) -> Vec<Rect> {
     patches
 }
 
-/// Adds the parts of `area` without text: all of it, or what is above, beside and below, and
-/// between.
+/// Adds the parts of `area` without text: all of it, or what each row has of them.
 fn free_parts(area: Rect, screen: &Buffer, parts: &mut Vec<Rect>) {
-    let is_text = |at: &Position| !Picture::owns(&screen[*at]);
-    let text =
-        area.positions().filter(is_text).map(|at| Rect::new(at.x, at.y, 1, 1)).reduce(Rect::union);
-    let Some(text) = text else { return parts.push(area) };
-    let (left, right) = (text.x, text.right());
-    let above = Rect { height: text.y - area.y, ..area };
-    let below = Rect { y: text.bottom(), height: area.bottom() - text.bottom(), ..area };
-    let before = Rect { width: left - area.x, x: area.x, ..text };
-    let after = Rect { x: right, width: area.right() - right, ..text };
-    parts.extend([above, before, after, below].into_iter().filter(|part| !part.is_empty()));
-    for y in text.y..text.bottom() {
-        let is_free = |x: &u16| Picture::owns(&screen[(*x, y)]);
-        let row: Vec<u16> = (left..right).filter(is_free).collect();
-        parts.extend(
-            row.chunk_by(|a, b| a + 1 == *b).map(|run| Rect::new(run[0], y, run.len() as u16, 1)),
-        );
+    let is_free = |at: Position| Picture::owns(&screen[at]);
+    if area.positions().all(is_free) {
+        return parts.push(area);
+    }
+    for row in area.rows() {
+        let free: Vec<u16> = row.positions().filter(|at| is_free(*at)).map(|at| at.x).collect();
+        let runs = free.chunk_by(|a, b| a + 1 == *b);
+        parts.extend(runs.map(|run| Rect::new(run[0], row.y, run.len() as u16, 1)));
     }
 }
 
-/// A part of a picture.
-struct Part<'a> {
-    picture: &'a Picture,
-    left: usize,
-    top: usize,
-    /// In pixels.
-    width: usize,
-    height: usize,
-}
-
-impl<'a> Part<'a> {
-    /// Returns the part in the place of the characters of `area`.
-    fn of(picture: &'a Picture, area: Rect, graphics: Graphics) -> Self {
-        let (across, down) = (usize::from(graphics.character.0), usize::from(graphics.character.1));
-        let [left, top] = [area.x - picture.area.x, area.y - picture.area.y].map(usize::from);
-        let (width, height) = (usize::from(area.width) * across, usize::from(area.height) * down);
-        Self { picture, left: left * across, top: top * down, width, height }
-    }
-
-    /// Returns the rows, three bytes a pixel.
-    fn rows(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
-        let Picture { columns, pixels, .. } = self.picture;
-        let (left, width) = (self.left, self.width);
-        (self.top..self.top + self.height).map(move |row| {
-            let from = row * columns + left;
-            pixels[from..from + width].as_flattened()
-        })
-    }
+/// Returns the rows of a picture in the place of the characters of `area`, three bytes a pixel.
+fn rows(picture: &Picture, area: Rect, graphics: Graphics) -> impl Iterator<Item = &[u8]> {
+    let (across, down) = (usize::from(graphics.character.0), usize::from(graphics.character.1));
+    let [left, top] = [area.x - picture.area.x, area.y - picture.area.y].map(usize::from);
+    let (width, height) = (usize::from(area.width) * across, usize::from(area.height) * down);
+    (top * down..top * down + height).map(move |row| {
+        let from = row * picture.columns + left * across;
+        picture.pixels[from..from + width].as_flattened()
+    })
 }
 
 #[cfg(test)]
@@ -236,7 +177,7 @@ mod tests {
 
     use super::*;
 
-    const KITTY: Graphics = Graphics { protocol: Protocol::Kitty, character: (4, 8) };
+    const KITTY: Graphics = Graphics { character: (4, 8) };
     const SCREEN: Rect = Rect::new(0, 0, 60, 30);
     const AREA: Rect = Rect::new(2, 1, 40, 20);
 
@@ -265,8 +206,7 @@ mod tests {
 
     #[test]
     fn a_picture_is_covered_once_and_sent_once() {
-        let (mut picture, mut patches) =
-            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::default());
         let screen = screen(&[&picture]);
         assert_eq!(
             sent(&mut patches, &[&picture], &screen).matches("a=T").count(),
@@ -286,8 +226,7 @@ mod tests {
 
     #[test]
     fn text_over_a_picture_wins() {
-        let (picture, mut patches) =
-            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (picture, mut patches) = (picture(AREA, KITTY.character), Patches::default());
         let mut with_text = screen(&[&picture]);
         sent(&mut patches, &[&picture], &with_text);
         // Even blanks, such as those of a dialog.
@@ -311,8 +250,7 @@ mod tests {
 
     #[test]
     fn a_terminal_that_cannot_follow_is_sent_less_but_no_text_is_hidden() {
-        let (mut picture, mut patches) =
-            (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::default());
         let mut screen = screen(&[&picture]);
         sent(&mut patches, &[&picture], &screen);
         patches.rest(Instant::now(), Duration::from_mins(1), false);

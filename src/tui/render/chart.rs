@@ -10,21 +10,14 @@ use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition};
 use crate::experiment::plot::Axis;
 use crate::tui::style::DIM;
 use crate::tui::text::{fitted_lines, short};
-use gdg::text::fitted;
 
 /// Maximum lines for a chart's title and the names of its curves.
 const MAX_NAME_LINES: usize = 2;
 
-/// Columns that names of curves keep where there is no room.
-const MIN_NAME_COLUMNS: usize = 10;
-
-/// A curve, with its name.
 pub struct Curve {
     pub name: String,
     pub style: Style,
-    /// The characters it is drawn with.
     pub marker: Marker,
-    /// Its points, from left to right.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -35,58 +28,29 @@ impl Curve {
     }
 }
 
-/// A line of a chart.
 pub struct Line<'a> {
     pub style: Style,
-    /// The characters it is drawn with.
     pub marker: Marker,
-    /// Its points, from left to right.
     pub points: &'a [(f64, f64)],
 }
 
-/// Returns a chart's title, followed by the names of its curves, in lines of at most `width`
-/// columns: names are shortened, and the last ones left out if there is no room even then.
+/// Returns a chart's title, followed by the names of its curves, in two lines at most.
 pub fn heading(
     title: &Span<'static>,
     names: impl Iterator<Item = Span<'static>>,
     width: u16,
 ) -> Vec<TextLine<'static>> {
-    let names: Vec<Span> = names.collect();
-    let widest = names.iter().map(Span::width).max().unwrap_or(0).max(MIN_NAME_COLUMNS);
-    let all = (MIN_NAME_COLUMNS..=widest).rev().map(|most| name_lines(title, &names, most, width));
-    let mut lines = Vec::new();
-    for tried in all {
-        lines = tried;
-        if lines.len() <= MAX_NAME_LINES {
-            break;
-        }
-    }
-    if lines.len() > MAX_NAME_LINES {
-        lines.truncate(MAX_NAME_LINES);
-        lines.last_mut().into_iter().for_each(|line| line.push_span("  ...      "));
-    }
-    fitted_lines(lines, width)
-}
-
-/// Returns a title and names of at most `most` columns, in as many lines as they need.
-fn name_lines(
-    title: &Span<'static>,
-    names: &[Span<'static>],
-    most: usize,
-    width: u16,
-) -> Vec<TextLine<'static>> {
     let mut lines = vec![TextLine::from(title.clone())];
     for name in names {
-        let name = Span::styled(fitted(&name.content, most), name.style);
-        if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(width)) {
+        let used = lines.last().map_or(0, TextLine::width);
+        if used + name.width() > usize::from(width) && lines.len() < MAX_NAME_LINES {
             lines.push(TextLine::default());
         }
         lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
     }
-    lines
+    fitted_lines(lines, width)
 }
 
-/// The axes of a chart.
 pub struct Axes {
     /// The bounds across, and what they count.
     pub x: [f64; 2],

@@ -19,8 +19,7 @@ use gdg::text::{display_width, fitted, padded};
 const MAX_LIST_SIZE: (u16, u16) = (112, 40);
 const MAX_PROMPT_WIDTH: u16 = 72;
 
-/// Minimum width of a searchable list, and minimum rows of a list above the selected item's full
-/// text.
+/// Minimum width of a searchable list, and minimum rows above the selected item's full text.
 const MIN_SEARCHED_WIDTH: usize = 40;
 const MIN_ROWS: u16 = 5;
 
@@ -77,8 +76,7 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     layout.rows = (list, first);
 }
 
-/// Returns the lines of the text above a list, up to `most`, and an empty one; the log has what is
-/// cut off.
+/// Returns the text above a list in up to `most` lines, and an empty one; the log has all of it.
 fn lines_above(picker: &Picker, columns: usize, most: u16) -> Vec<Line<'static>> {
     let room = usize::from(most).saturating_sub(1);
     let columns = columns.saturating_sub(2).max(1);
@@ -104,7 +102,6 @@ fn list_width(picker: &Picker, most: u16) -> usize {
         .min(usize::from(most.min(MAX_LIST_SIZE.0)))
 }
 
-/// Returns the columns of the labels in a list of `columns`.
 fn label_width(picker: &Picker, columns: usize) -> usize {
     picker.items().map(|item| display_width(&item.label)).max().unwrap_or(0).min(columns * 2 / 3)
 }
@@ -114,8 +111,7 @@ fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
     columns.saturating_sub(display_width(&item.label).max(labels) + LABEL_MARGIN + key)
 }
 
-/// Returns the rows for the full text of any item, and a line above it; none if all items fit on
-/// their rows.
+/// Returns the rows for the full text of any item, and a line above it; none if all fit.
 fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
     if picker.items().all(|item| fits(item, labels, columns)) {
         return 0;
@@ -130,8 +126,7 @@ fn fits(item: &Item, labels: usize, columns: usize) -> bool {
     item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns)
 }
 
-/// Returns what is written below a list: all about the selected item, or in a question about all
-/// items that do not fit, as one decides between them.
+/// Returns all about the selected item, or in a question about all items that do not fit.
 fn text_below(picker: &Picker, columns: usize, labels: usize) -> Vec<String> {
     if picker.is_question() {
         let cut = picker.items().filter(|item| !fits(item, labels, columns));

@@ -18,9 +18,7 @@ use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{first_lines, wrapped};
 use crate::tui::theme::Theme;
 use crate::tui::tool::Tool;
-use gdg::text::display_width;
 
-/// The most rows of a notice.
 const MAX_NOTICE_ROWS: usize = 4;
 
 /// Keys at the end of the line that are the last to be left out.
@@ -115,35 +113,9 @@ pub fn fitting(
     line(&keys, "")
 }
 
-/// Returns the editor's tools, and what the mouse does with the selected one if there is room.
+/// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.
 pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
-    let mut bar = tool_bar(screen, editor, width);
-    if has_room_for_mouse(editor, &bar, width) {
-        bar.push(Span::styled(mouse(editor), DIM), None);
-    }
-    bar
-}
-
-/// Returns what the mouse buttons do with the editor's tool, if the line of its tools has no room
-/// to say it.
-pub fn untold_mouse(screen: &Screen, editor: &Editor, width: u16) -> Option<&'static str> {
-    let untold =
-        editor.is_open() && !has_room_for_mouse(editor, &tool_bar(screen, editor, width), width);
-    untold.then(|| editor.tool.about().1)
-}
-
-fn mouse(editor: &Editor) -> String {
-    format!(" {}", editor.tool.about().1)
-}
-
-fn has_room_for_mouse(editor: &Editor, bar: &ClickableLine, width: u16) -> bool {
-    bar.width() + mouse(editor).len() <= usize::from(width)
-}
-
-/// Returns the editor's tools, followed by as many keys as fit. Where room is short, only the
-/// selected tool.
-fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
-    let tools = |tools: &[Tool]| {
+    let line = |tools: &[Tool], keys: &[(Action, &str)]| {
         let mut bar = ClickableLine::default();
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
         for tool in tools {
@@ -151,21 +123,20 @@ fn tool_bar(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
             key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
         }
         bar.push(Span::raw(" "), None);
+        for (action, label) in keys {
+            key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
+        }
         bar
     };
-    let width = usize::from(width);
-    let label_width =
-        |action, label: &str| display_width(&screen.keymap.key_of(action)) + label.len() + 3;
-    let done = label_width(Action::ToggleEdit, "done");
-    let all = tools(&Tool::ALL);
-    let mut bar = if all.width() + done <= width { all } else { tools(&[editor.tool]) };
-    for (action, label) in
-        [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")]
-    {
-        let after = if action == Action::ToggleEdit { 0 } else { done };
-        if bar.width() + label_width(action, label) + after <= width {
-            key(&mut bar, &screen.keymap, action, &format!(" {label} "), Style::new());
-        }
+    let keys = [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")];
+    let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
+    let options = [(all, &keys[..]), (all, &keys[2..]), (own, &keys[..]), (own, &keys[2..])];
+    let mut lines = options.map(|(tools, keys)| line(tools, keys)).into_iter();
+    let fits = |bar: &ClickableLine| bar.width() <= usize::from(width);
+    let mut bar = lines.find(fits).unwrap_or_else(|| line(own, &keys[2..]));
+    let mouse = format!(" {}", editor.tool.about().1);
+    if bar.width() + mouse.len() <= usize::from(width) {
+        bar.push(Span::styled(mouse, DIM), None);
     }
     bar
 }

@@ -7,7 +7,7 @@ use super::Page;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use gdg::text::{fitted, grouped};
+use gdg::text::fitted;
 
 /// Names longer than this, in columns, are shortened before anything is left out.
 const LONG_TITLE: usize = 24;
@@ -15,9 +15,8 @@ const LONG_TITLE: usize = 24;
 pub fn draw(page: &mut Page, area: Rect) {
     let Page { frame, screen, scene, layout } = page;
     let run = screen.run();
-    let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
-        _ if unsaved > 0 => " unsaved".to_owned(),
+        _ if screen.unsaved_updates() > 0 => " unsaved".to_owned(),
         Some((_, path)) => {
             path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy()))
         }
@@ -25,7 +24,6 @@ pub fn draw(page: &mut Page, area: Rect) {
     };
     let speed =
         screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
-    let act = |action| Some(Click::Act(action));
     let changed = screen.changed_settings.len();
     let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
     let mut parts = vec![
@@ -37,33 +35,17 @@ pub fn draw(page: &mut Page, area: Rect) {
         (Span::styled(format!(" {}{speed}", scene.phase(screen)), BOLD), Action::TogglePause),
         (Span::styled(saved, DIM), Action::Save),
     ];
-    let is_too_wide = |parts: &[(Span, Action)]| width(parts) > usize::from(area.width);
     // If room is short, shorten a long name, then leave out what identifies the run before its
     // state.
     shorten_title(&mut parts, area, LONG_TITLE);
-    for left_out in [Action::NewSeed, Action::Preset, Action::Method] {
-        if is_too_wide(&parts) {
+    for left_out in [Action::NewSeed, Action::Preset, Action::Method, Action::Save] {
+        if width(&parts) > usize::from(area.width) {
             parts.retain(|(_, action)| *action != left_out);
         }
     }
-    if is_too_wide(&parts) {
-        parts.retain(|(_, action)| *action != Action::Save);
-    }
-    if is_too_wide(&parts) {
-        // The first word says what the phase is.
-        let phase = scene.phase(screen);
-        let short = phase.split([' ', ':']).next().unwrap_or_default().to_owned();
-        parts.retain(|(_, action)| *action != Action::TogglePause);
-        parts.push((Span::styled(format!(" {short}"), BOLD), Action::TogglePause));
-    }
     shorten_title(&mut parts, area, 0);
     let mut bar = ClickableLine::default();
-    parts.into_iter().for_each(|(span, action)| bar.push(span, act(action)));
-    let plural = if unsaved == 1 { "" } else { "s" };
-    let unsaved = format!("  {} update{plural} since the last save", grouped(unsaved));
-    if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
-        bar.push(Span::styled(unsaved, DIM), act(Action::Save));
-    }
+    parts.into_iter().for_each(|(span, action)| bar.push(span, Click::Act(action)));
     bar.draw(frame, area, layout);
 }
 

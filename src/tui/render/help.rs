@@ -15,8 +15,7 @@ use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::wrapped_evenly;
-use gdg::text::display_width;
+use crate::tui::text::wrapped;
 
 /// Columns of the help, if there is room.
 const HELP_WIDTH: u16 = 78;
@@ -57,7 +56,7 @@ pub fn draw_for_lists(frame: &mut Frame, keymap: &Keymap, help: &Help, layout: &
             Action::Close => "close the help, show all runs again, or unmark them",
             _ => binding.long,
         };
-        entry(&keymap.display_keys(binding).join(" "), wording, "", width)
+        entry(&keymap.display_keys(binding).join(" "), wording, width)
     };
     let listed = |when| {
         let is_listed = move |b: &&Binding| b.is_active(Mode::Listing) && b.when == when;
@@ -138,7 +137,7 @@ fn entries(screen: &Screen, scene: &Scene, width: usize, help: &Help) -> Vec<Vec
         " Where the help shows \"{key} ...\" instead of a key, type {key} and some letters."
     );
     let introduction = introduction.to_owned() + if finds { &how } else { "" };
-    let introduction = wrapped_evenly(&introduction, width.saturating_sub(2).max(8));
+    let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![
         introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>(),
     ];
@@ -154,43 +153,29 @@ fn entries(screen: &Screen, scene: &Scene, width: usize, help: &Help) -> Vec<Vec
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            entries.push(entry(&keys, scene.wording(binding), binding.place(), width));
+            let meaning = format!("{}{}", scene.wording(binding), binding.place());
+            entries.push(entry(&keys, &meaning, width));
         }
     }
     entries.extend(title("the numbers"));
     for (name, meaning) in training::MEANINGS.iter().chain(WALK_MEANINGS) {
-        entries.push(entry(name, meaning, "", width));
+        entries.push(entry(name, meaning, width));
     }
     entries.push(vec![Line::default()]);
     entries.extend(scene.legend_lines(screen).into_iter().map(|line| vec![line]));
     if let Some(folder) = crate::host::logging::folder() {
         entries.push(vec![Line::default()]);
-        entries.push(entry("log files", &folder.display().to_string(), "", width));
+        entries.push(entry("log files", &folder.display().to_string(), width));
     }
     entries
 }
 
-fn entry(name: &str, meaning: &str, place: &str, width: usize) -> Vec<Line<'static>> {
+fn entry(name: &str, meaning: &str, width: usize) -> Vec<Line<'static>> {
     let names = if width >= WIDE { NAME_WIDTH } else { NARROW_NAME_WIDTH };
-    let room = width.saturating_sub(names + 4).max(8);
-    let mut rows = wrapped_evenly(meaning, room);
-    let tail = if rows.last().is_some_and(|row| display_width(row) + place.len() <= room) {
-        place
-    } else {
-        ""
-    };
-    if tail.is_empty() && !place.is_empty() {
-        rows = wrapped_evenly(&format!("{meaning}{place}"), room);
-    }
-    let last = rows.len() - 1;
+    let rows = wrapped(meaning, width.saturating_sub(names + 4).max(8));
     let line = |(n, row): (usize, String)| {
         let name = if n == 0 { name } else { "" };
-        let tail = if n == last { tail } else { "" };
-        Line::from(vec![
-            Span::styled(format!(" {name:>names$}  "), BOLD),
-            Span::raw(row),
-            Span::styled(tail.to_owned(), DIM),
-        ])
+        Line::from(vec![Span::styled(format!(" {name:>names$}  "), BOLD), Span::raw(row)])
     };
     rows.into_iter().enumerate().map(line).collect()
 }

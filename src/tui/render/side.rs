@@ -20,7 +20,6 @@ use crate::tui::text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wra
 const TWO_PANE_ROWS: u16 = 30;
 const THREE_PANE_ROWS: u16 = 48;
 
-/// Minimum width of each column of panes.
 const MIN_COLUMN_WIDTH: u16 = 36;
 
 pub fn draw(page: &mut Page, area: Rect) {
@@ -49,8 +48,7 @@ pub fn draw(page: &mut Page, area: Rect) {
     }
 }
 
-/// Returns the areas of panes below each other: text takes what it needs, from the top; curves and
-/// log share the rest.
+/// Returns the areas of panes: text takes what it needs, curves and log share the rest.
 fn stack(area: Rect, panes: &[Pane], screen: &Screen, scene: &Scene) -> Vec<Rect> {
     let mut left = area.height;
     let height = |pane: &Pane| match lines(*pane, screen, scene, area.width.saturating_sub(1)) {
@@ -93,8 +91,7 @@ fn draw_pane(page: &mut Page, area: Rect, pane: Pane) {
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
-        Pane::Walk if screen.following.is_some() => "exploring agent",
-        Pane::Walk => scene.walk_title(),
+        Pane::Walk => "walk @ \u{2192} G",
         Pane::Legend => "legend",
         Pane::Log => "event log",
     };
@@ -132,8 +129,7 @@ fn draw_pane(page: &mut Page, area: Rect, pane: Pane) {
     clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
-/// Draws the names of the panes and their keys, the selected one reversed; close together or
-/// without keys where there is no room.
+/// Draws the names of the panes with their keys, closer together or without keys if room is short.
 fn tabs(page: &mut Page, area: Rect) {
     let Page { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {

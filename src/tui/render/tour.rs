@@ -16,14 +16,11 @@ use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::text::wrapped;
 use crate::tui::theme::ColourDepth;
 
-use gdg::text::display_width;
-
 /// Widths of the box that are tried, in columns, and what border and padding take.
 const WIDTHS: [u16; 4] = [40, 34, 30, 48];
 const MARGIN_COLUMNS: u16 = 4;
 const MARGIN_ROWS: u16 = 2;
 
-/// Maximum number of positions tried from left to right.
 const TRIES: u16 = 60;
 
 /// Costs of covering a character of the subject, and of covering goal or agent, in rows of distance.
@@ -47,24 +44,12 @@ pub fn draw(page: &mut Page, area: Rect) {
     };
     let mut subject = characters(&tour.caption.subject);
     subject.dedup();
-    let goal_and_agent =
-        |maze: &MazeState| [Some(maze.goal.centre()), maze.view.trail.last().copied()];
+    let goal_and_agent = |maze: &MazeState| [Some(maze.goal.centre()), maze.walker()];
     let others = scene.maze().map(goal_and_agent).into_iter().flatten().flatten();
     let others = characters(&others.collect::<Vec<_>>());
     let Some(place) = place(area, tour, &subject, &others, screen.layout.tour) else { return };
     layout.tour = Some((tour.step, place));
-    let keys = draw_box(frame, place, screen, tour, layout);
-    if let Some(target) = subject.first() {
-        let title = display_width(&title(tour)) as u16;
-        point_at(frame, place, *target, title, keys, border(screen));
-    }
-}
-
-fn border(screen: &Screen) -> Style {
-    match screen.theme.depth {
-        ColourDepth::Mono => BOLD,
-        _ => BOLD.fg(screen.theme.colour(screen.theme.cursor)),
-    }
+    draw_box(frame, place, screen, tour, layout);
 }
 
 /// Returns the rows that the text takes in a box of `width` columns, border included.
@@ -107,35 +92,26 @@ fn place(
 
 /// Returns the distance between a box and a character, in rows.
 fn distance(rect: Rect, at: Position) -> f32 {
-    let (across, down) = gaps(rect, at);
-    (f32::from(across.unsigned_abs()) / 2.0).hypot(f32::from(down.unsigned_abs()))
-}
-
-/// Returns how many columns and rows a character is away from a box: negative to the left of it or
-/// above.
-fn gaps(rect: Rect, at: Position) -> (i16, i16) {
     let gap = |at: u16, from: u16, end: u16| {
-        let (at, from, last) = (at as i16, from as i16, end as i16 - 1);
-        (at - from).min(0) + (at - last).max(0)
+        f32::from(from.saturating_sub(at)) + f32::from((at + 1).saturating_sub(end))
     };
-    (gap(at.x, rect.x, rect.right()), gap(at.y, rect.y, rect.bottom()))
+    let (across, down) = (gap(at.x, rect.x, rect.right()), gap(at.y, rect.y, rect.bottom()));
+    (across / 2.0).hypot(down)
 }
 
-fn title(tour: &ShownStep) -> String {
-    format!(" {} ", tour.title)
-}
-
-/// Draws the box with text and keys; returns where the keys are.
 fn draw_box(
     frame: &mut Frame,
     area: Rect,
     screen: &Screen,
     tour: &ShownStep,
     layout: &mut ScreenLayout,
-) -> Rect {
-    let title = Line::styled(title(tour), BOLD.patch(REVERSED));
-    let block =
-        Block::bordered().border_style(border(screen)).title(title).padding(Padding::horizontal(1));
+) {
+    let title = Line::styled(format!(" {} ", tour.title), BOLD.patch(REVERSED));
+    let border = match screen.theme.depth {
+        ColourDepth::Mono => BOLD,
+        _ => BOLD.fg(screen.theme.colour(screen.theme.cursor)),
+    };
+    let block = Block::bordered().border_style(border).title(title).padding(Padding::horizontal(1));
     let inner = block.inner(area);
     frame.render_widget(Clear, area);
     frame.render_widget(block, area);
@@ -151,28 +127,4 @@ fn draw_box(
     let width = (keys.width() as u16).min(area.width.saturating_sub(2));
     let bar = Rect { x: area.right() - 1 - width, y: area.bottom() - 1, width, height: 1 };
     keys.draw(frame, bar, layout);
-    bar
-}
-
-/// Draws an arrow on the border that faces `target`, beside the keys and the title of `title`
-/// columns.
-fn point_at(frame: &mut Frame, area: Rect, target: Position, title: u16, keys: Rect, style: Style) {
-    let (across, down) = gaps(area, target);
-    let x = target.x.clamp(area.x + 1, area.right() - 2);
-    let y = target.y.clamp(area.y + 1, area.bottom() - 2);
-    let (at, arrow) = match (across, down) {
-        (0, 0) => return,
-        (across, down) if across.unsigned_abs() / 2 >= down.unsigned_abs() => match across {
-            ..0 => (Position::new(area.x, y), '\u{25c0}'),
-            _ => (Position::new(area.right() - 1, y), '\u{25b6}'),
-        },
-        // Right of the title.
-        (_, ..0) => {
-            (Position::new(x.max(area.x + 1 + title).min(area.right() - 2), area.y), '\u{25b2}')
-        }
-        _ => (Position::new(x.min(keys.x - 1), area.bottom() - 1), '\u{25bc}'),
-    };
-    if let Some(cell) = frame.buffer_mut().cell_mut(at) {
-        cell.set_char(arrow).set_style(style);
-    }
 }

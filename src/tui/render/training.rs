@@ -7,7 +7,7 @@ use crate::tui::action::Action;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::BOLD;
-use crate::tui::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
+use crate::tui::text::{EXPLAINED_WIDTH, clock, explain, fact, short};
 use gdg::engine::NextEvaluation;
 use gdg::env::DistanceUnit;
 use gdg::learn::{Losses, Stage};
@@ -39,10 +39,6 @@ pub const MEANINGS: [(&str, &str); 21] = [
     ("learning", "time spent on updates, and on agents' steps"),
 ];
 
-/// Columns of a number before those by distance: a name and `0.95 `.
-const NUMBER_WIDTH: usize = 17;
-
-/// Returns the pane's lines for `width` columns.
 pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     let (updates, steps) = snapshot.rates;
@@ -53,7 +49,6 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>>
     };
     let (used, room) = snapshot.replay;
     let explained = width >= EXPLAINED_WIDTH;
-    let width = if explained { EXPLANATION_COLUMN } else { width };
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
     lines.extend(snapshot.seconds_left.map(|seconds| fact("left", clock(seconds))));
     lines.push(fact("updates", updates));
@@ -76,7 +71,7 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>>
         ]),
     }
     lines.extend(losses(screen));
-    lines.extend(success(screen, width));
+    lines.extend(success(screen));
     lines.extend(bridges(screen, scene));
     lines.extend(time(screen));
     if explained {
@@ -108,14 +103,14 @@ fn losses(screen: &Screen) -> Vec<Line<'static>> {
     lines.into_iter().flatten().collect()
 }
 
-fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
+fn success(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
-        let (title, columns) = distances(&evaluation.greedy.by_distance, width);
+        let title = distances(&evaluation.greedy.by_distance);
         lines.push(Line::styled(format!(" {:<10}all   {title}", "success"), BOLD));
         let score = |name: &str, score: &Score| match score.success {
             Some(success) => {
-                fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance, &columns)))
+                fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance)))
             }
             None => fact(name, "no tasks"),
         };
@@ -166,9 +161,8 @@ fn next(screen: &Screen) -> Line<'static> {
     fact("next", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
 }
 
-/// Returns the title of success by distance in a pane of `width` columns, and the width of each
-/// distance's bar: each distance by itself if there is room, or else the nearest and the farthest.
-fn distances(by_distance: &[DistanceScore], width: usize) -> (String, Vec<usize>) {
+/// Returns the title of success by distance: the nearest and the farthest.
+fn distances(by_distance: &[DistanceScore]) -> String {
     let unit = match by_distance.iter().find_map(DistanceScore::distance) {
         Some((_, DistanceUnit::Centimetres)) => "cm",
         Some((_, DistanceUnit::Steps)) => "steps",
@@ -176,30 +170,18 @@ fn distances(by_distance: &[DistanceScore], width: usize) -> (String, Vec<usize>
     };
     let tested = by_distance.iter().enumerate().filter(|(_, d)| d.success.is_some());
     let names: Vec<String> = tested.map(|(i, d)| group_name(d, i, by_distance.len())).collect();
-    let each = format!("{} {unit}", names.join(" "));
-    let room = width.saturating_sub(NUMBER_WIDTH);
-    if each.len() <= room {
-        return (each, names.iter().map(String::len).collect());
+    match &names[..] {
+        [near, .., far] => format!("{near}-{far} {unit}"),
+        _ => format!("{} {unit}", names.concat()),
     }
-    let ends = match (names.first(), names.last()) {
-        (Some(near), Some(far)) => format!("{near}-{far} {unit}"),
-        _ => String::new(),
-    };
-    (ends, Vec::new())
 }
 
-/// Returns one bar per distance that has tasks, near to far; as wide as `columns` says, with gaps,
-/// or one column each. Even the tallest bar leaves a gap to the line above.
-fn success_bars(by_distance: &[DistanceScore], columns: &[usize]) -> String {
+/// Returns one bar per distance that has tasks; even the tallest leaves a gap above.
+fn success_bars(by_distance: &[DistanceScore]) -> String {
     const BARS: [char; 8] =
         ['_', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
     let scores = by_distance.iter().filter_map(|d| d.success);
-    let bars = scores.map(|success| BARS[(success * 7.0).round() as usize]);
-    let wide = |(n, bar): (usize, char)| match columns.get(n) {
-        Some(columns) => bar.to_string().repeat(*columns) + " ",
-        None => bar.to_string(),
-    };
-    bars.enumerate().map(wide).collect()
+    scores.map(|success| BARS[(success * 7.0).round() as usize]).collect()
 }
 
 fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {

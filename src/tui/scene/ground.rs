@@ -22,37 +22,30 @@ const HATCH_SPACING: f32 = 0.5;
 const COARSE_SPACING: usize = 4;
 const MONO_SPACING: usize = 8;
 
-/// What is known of the ground.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Kind {
     /// Its value, if any.
     Plain,
-    /// Unvisited, but only a pocket in the known world.
-    Pocket,
     Beyond,
     /// No path leads from it to the goal.
     CutOff,
     Outside,
 }
 
-/// What a pixel shows of the ground.
 #[derive(Clone, Copy)]
 pub struct Look {
     pub kind: Kind,
-    /// The share of walls in it.
     pub wall: f32,
     /// Whether it may be at the edge of the known world.
     pub is_edge: bool,
 }
 
 impl Look {
-    /// Returns the look of known ground.
     pub fn plain(wall: f32) -> Self {
         Self { kind: Kind::Plain, wall, is_edge: false }
     }
 }
 
-/// The colours of values.
 pub struct Colours<'a> {
     pub theme: &'a Theme,
     pub field: Field,
@@ -60,9 +53,8 @@ pub struct Colours<'a> {
 }
 
 impl Colours<'_> {
-    /// Returns the colours of all shades and of unknown values, on ground that is plain, a pocket,
-    /// beyond the known world, and hatched there.
-    fn shades(&self) -> [Vec<Rgb>; 4] {
+    /// Returns the colours of all shades and of unknown values: plain, beyond, and hatched there.
+    fn shades(&self) -> [Vec<Rgb>; 3] {
         let theme = self.theme;
         let plain: Vec<Rgb> = (0..COUNT)
             .map(|i| {
@@ -75,12 +67,9 @@ impl Colours<'_> {
             .chain([theme.unknown])
             .collect();
         let all = |change: &dyn Fn(Rgb) -> Rgb| plain.iter().map(|rgb| change(*rgb)).collect();
-        let [pocket, beyond, hatched] = [
-            all(&|rgb| theme.pocket(rgb)),
-            all(&|rgb| theme.unvisited(rgb, false)),
-            all(&|rgb| theme.unvisited(rgb, true)),
-        ];
-        [plain, pocket, beyond, hatched]
+        let [beyond, hatched] =
+            [all(&|rgb| theme.unvisited(rgb, false)), all(&|rgb| theme.unvisited(rgb, true))];
+        [plain, beyond, hatched]
     }
 
     /// Returns the shade of a value; NaN if it is unknown.
@@ -156,7 +145,7 @@ pub fn draw(
         Kind::CutOff => (x + spacing - y % spacing) % spacing < width,
         _ => (x + y) % spacing < width,
     };
-    let [plain, pocket, beyond, hatched] = colours.shades();
+    let [plain, beyond, hatched] = colours.shades();
     let (values, value_columns) = field.unwrap_or((&[], 1));
     let shades: Vec<f32> = values.iter().map(|value| colours.shade(*value)).collect();
     let value_rows = shades.len() / value_columns;
@@ -182,7 +171,6 @@ pub fn draw(
             let is_on = matches!(kind, Kind::Beyond | Kind::CutOff) && is_hatched(x, y, kind);
             let mut rgb = match kind {
                 Kind::Plain => plain[shade],
-                Kind::Pocket => pocket[shade],
                 Kind::Beyond if is_on => hatched[shade],
                 Kind::Beyond => beyond[shade],
                 Kind::CutOff => theme.cut_off(is_on),
@@ -204,7 +192,7 @@ pub fn draw(
             if is_mono {
                 canvas.marks[i] = match kind {
                     _ if wall > 0.0 => WALL_MARK,
-                    Kind::Plain | Kind::Pocket => colours.mark(shade),
+                    Kind::Plain => colours.mark(shade),
                     Kind::Beyond if is_on => UNVISITED_MARK,
                     Kind::CutOff => CUT_OFF_MARK,
                     Kind::Beyond | Kind::Outside => ' ',

@@ -1,5 +1,4 @@
-//! The parts of legends and of panes about a followed agent that all scenes share, and the scale of
-//! the colours.
+//! The scale of the colours, the legend, and the pane about the walking agent.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -7,6 +6,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
+use super::SceneKind;
 use super::ground::MAX_SHOWN_ERROR;
 use crate::tui::action::Action;
 use crate::tui::canvas::SHADES;
@@ -15,10 +15,9 @@ use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
-use crate::tui::text::{fact, fitted_line, heading, short};
+use crate::tui::text::{fact, fitted_line, heading, short, wrapped};
 use crate::tui::theme::{ColourDepth, Rgb, Theme};
 use gdg::bridge::EdgeStatus;
-use gdg::engine::FollowedAgent;
 use gdg::text::counted;
 use gdg::viewer::{Field, Graph, Reach};
 
@@ -26,8 +25,9 @@ use gdg::viewer::{Field, Graph, Reach};
 pub const BAR_WIDTH: usize = 12;
 pub const SHORT_BAR_WIDTH: usize = 5;
 
-/// Returns the scale of a field's colours with the values at its ends, up to `farthest`, and a bar
-/// of `bar` characters; `None` for a field that has no colours.
+const MIN_TEXT_WIDTH: usize = 20;
+
+/// Returns a field's name, the values at both ends, and a bar of `bar` characters if it has one.
 pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
     let name = Span::raw(format!(" {} ", field.name()));
     let (low, high) = match field {
@@ -62,13 +62,14 @@ pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<L
 pub fn draw_scale(
     frame: &mut Frame,
     area: Rect,
-    scale: impl Fn(usize) -> Line<'static>,
+    scene: &dyn SceneKind,
+    screen: &Screen,
     texts: &[String],
 ) {
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let mut lines = options.map(|(text, bar)| {
-        let mut line = scale(bar);
+        let mut line = scale_of(scene, screen, bar);
         // Without a bar, a blank ends the line.
         let text =
             if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
@@ -76,39 +77,40 @@ pub fn draw_scale(
         line
     });
     let line = lines.find(|line| line.width() <= usize::from(area.width));
-    let line = line.unwrap_or_else(|| scale(SHORT_BAR_WIDTH));
+    let line = line.unwrap_or_else(|| scale_of(scene, screen, SHORT_BAR_WIDTH));
     frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }
 
-pub fn overlays(offers: impl Fn(Action) -> bool) -> impl Iterator<Item = Overlay> {
-    Overlay::ALL.into_iter().filter(move |overlay| offers(Action::Toggle(*overlay)))
+pub fn overlays(scene: &dyn SceneKind) -> impl Iterator<Item = Overlay> {
+    Overlay::ALL.into_iter().filter(|overlay| scene.offers(Action::Toggle(*overlay)))
 }
 
-/// Returns the colour scale, and a line for each available overlay with its sign.
-pub fn overlay_lines(
-    scale: Line<'static>,
-    offers: impl Fn(Action) -> bool,
-    screen: &Screen,
-) -> Vec<Line<'static>> {
+/// Returns the colour scale with a bar of `bar` characters.
+pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
+    scale(&screen.theme, scene.shown_field(screen), scene.farthest(screen), bar)
+        .unwrap_or_else(|| Line::raw(format!(" {} only ", scene.noun())))
+}
+
+/// Returns the legend: the colour scale, a line for each available overlay with its sign, and signs.
+pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
+    let scale = scale_of(scene, screen, SHORT_BAR_WIDTH);
     let mut lines = vec![scale, heading("toggle by key or click")];
-    for overlay in overlays(offers) {
+    for overlay in overlays(scene) {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
-        let shown = screen.overlays.has(overlay);
-        let mut line = Line::from(vec![
-            Span::raw(format!(" {key:<2}")),
-            Span::raw(if shown { "[x] " } else { "[ ] " }),
-        ]);
-        line.push_span(Span::styled(overlay.name(), if shown { Style::new() } else { DIM }));
+        let (mark, style) =
+            if screen.overlays.has(overlay) { ('x', Style::new()) } else { (' ', DIM) };
+        let mut line = Line::from(format!(" {key:<2}[{mark}] "));
+        line.push_span(Span::styled(overlay.name(), style));
         if let Some((sign, rgb)) = sign_of(overlay, screen) {
             line.extend([Span::raw(" "), sample(screen, sign, rgb)]);
         }
         lines.push(line);
     }
+    lines.push(heading("signs"));
+    lines.extend(scene.signs(screen));
     lines
 }
 
-/// Returns the numbers of walked, failed and untried edges, each followed by its text in
-/// `meanings`.
 pub fn edge_lines(
     screen: &Screen,
     graph: &Graph,
@@ -149,7 +151,6 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
         |mono: char, other: char| if theme.depth == ColourDepth::Mono { mono } else { other };
     Some(match overlay {
         Overlay::Contours => return None,
-        Overlay::Directions => ('\u{2192}', theme.cursor),
         Overlay::Unexplored => (of_depth(UNVISITED_MARK, '\u{2592}'), theme.frontier),
         Overlay::Agents => (of_depth('o', '\u{25a0}'), theme.agent),
         Overlay::Candidates => (CANDIDATE_MARK, theme.cursor),
@@ -159,7 +160,6 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
     })
 }
 
-/// Describes the contour interval, if contour lines are shown.
 pub fn contour_text(screen: &Screen, layout: &ScreenLayout) -> String {
     let interval = layout.contour_interval.filter(|_| screen.theme.depth != ColourDepth::Mono);
     interval.map_or_else(String::new, |interval| format!(", a line every {interval:.0}"))
@@ -167,97 +167,88 @@ pub fn contour_text(screen: &Screen, layout: &ScreenLayout) -> String {
 
 /// The meanings of the numbers, by their names in the pane.
 pub const MEANINGS: &[(&str, &str)] = &[
-    ("from S", "where this walk began"),
+    ("from", "where this walk began"),
     ("to G", "where it leads: the goal"),
     ("walking", "steps taken on this walk so far"),
     ("arrived", "steps it took; below: walks that arrived"),
     ("shortest", "true steps from the start to the goal"),
     ("D to goal", "steps left, as learned"),
     ("waypoint", "what the agent heads for next"),
-    ("target", "what the agent heads for"),
     ("D to it", "steps to that, as learned"),
     ("ahead", "waypoints of the plan still to come"),
     ("then", "what happens when the agent arrives"),
-    ("path", "whether it follows a plan"),
 ];
 
-/// Returns the keys that change what the walking agent does.
-pub fn keys(screen: &Screen) -> [Line<'static>; 4] {
+/// Returns the lines about the walking agent, with sentences within `width` columns.
+pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<Line<'static>> {
+    let reach = &scene.view().reach;
+    let has_path = !scene.has_true_distances() || reach.shortest.is_some();
+    // There is no plan without a path, and none is left after arrival.
+    let planned = |name, value: String| {
+        fact(name, if has_path && !reach.arrived { value } else { "-".to_owned() })
+    };
+    let mut lines = scene.places([&reach.start, &reach.at, &scene.goal()], screen);
+    let failure = reach.failure.iter().flat_map(|failure| failure.lines());
+    lines.extend(failure.map(|line| Line::from(format!(" {line}"))));
+    let state = if reach.arrived { "arrived" } else { "walking" };
+    lines.push(fact(state, counted(u64::from(reach.steps), "step")));
+    lines.push(match (scene.has_true_distances(), reach.shortest) {
+        (true, Some(shortest)) => fact("shortest", shortest),
+        (true, None) => fact("shortest", "no path"),
+        (false, _) => fact("left", scene.format_length(reach.left)),
+    });
+    let waypoint = reach.waypoint.as_deref();
+    let note = if has_path { "" } else { " (meaningless)" };
+    lines.extend([
+        fact("D to goal", format_steps(reach.distances.0) + note),
+        planned("waypoint", waypoint.map_or("the goal".to_owned(), |at| scene.format_place(at))),
+        planned("D to it", format_steps(reach.distances.1)),
+    ]);
+    let stops = reach.path.len();
+    match bridges(reach) {
+        Some(text) => {
+            // A blank on either side.
+            let columns = width.saturating_sub(2).max(MIN_TEXT_WIDTH);
+            let rows = wrapped(&text, columns).into_iter();
+            lines.extend(rows.map(|row| Line::raw(format!(" {row}"))));
+        }
+        None => lines.push(planned(
+            "ahead",
+            match stops {
+                0 => "actor alone".to_owned(),
+                1 => "straight to G".to_owned(),
+                _ => counted(stops as u64 - 1, "waypoint"),
+            },
+        )),
+    }
     let key = |action| screen.keymap.key_of(action);
-    [
+    lines.extend([
+        heading("walks"),
+        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
+        fact("then", screen.on_arrival.name()),
         Line::default(),
         Line::from(format!(" {} or click: new goal", key(Action::NewGoal))),
         Line::from(format!(" {} or right-click: new start", key(Action::NewStart))),
-        Line::from(format!(" {}: follow an explorer", key(Action::Follow))),
-    ]
-}
-
-/// Returns what is shown of a followed agent that is not there.
-pub fn no_agent(screen: &Screen) -> Vec<Line<'static>> {
-    if screen.snapshot.data.is_none() {
-        return vec![fact("agent", "...")];
-    }
-    vec![fact("agents", "do not act:"), Line::from(" the run learns from data")]
-}
-
-/// Returns what an exploring agent pursues, with places and distances in the scene's format.
-pub fn pursuit(
-    screen: &Screen,
-    followed: &FollowedAgent,
-    format_place: impl Fn(&[f32]) -> String,
-    format_steps: impl Fn(f32) -> String,
-) -> [Line<'static>; 6] {
-    let aim = if followed.aim == followed.goal {
-        "the goal".to_owned()
-    } else {
-        format_place(&followed.aim)
-    };
-    [
-        fact("D to goal", format_steps(followed.distances.1)),
-        fact("target", aim),
-        fact("D to it", format_steps(followed.distances.0)),
-        fact("path", if followed.planned { "through bridges" } else { "actor alone" }),
-        Line::default(),
-        Line::from(format!(
-            " {}: next, {}: back to @",
-            screen.keymap.key_of(Action::Follow),
-            screen.keymap.key_of(Action::Close)
-        )),
-    ]
-}
-
-pub fn format_steps(distance: f32) -> String {
-    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1} steps") }
-}
-
-/// Returns how an agent that reaches for the goal gets on, with places and straight lines in the
-/// scene's format. It gives up after `most` steps, if that is known.
-pub fn progress(
-    screen: &Screen,
-    reach: &Reach,
-    most: Option<u32>,
-    format_place: impl Fn(&[f32]) -> String,
-    format_length: impl Fn(f32) -> String,
-) -> Vec<Line<'static>> {
-    let state = if reach.arrived { "arrived" } else { "reaching" };
-    let most = most.filter(|_| !reach.arrived).map_or(String::new(), |most| format!(" of {most}"));
-    let mut lines = vec![
-        fact(state, format!("{} steps{most}", reach.steps)),
-        fact("left", format_length(reach.left)),
-        fact("D to goal", format_steps(reach.distances.0)),
-    ];
-    if screen.run().method.plans() {
-        lines.extend([
-            fact("waypoint", reach.waypoint.as_deref().map_or("the goal".to_owned(), format_place)),
-            fact("D to it", format_steps(reach.distances.1)),
-            fact("ahead", counted(reach.path.len().saturating_sub(1) as u64, "waypoint")),
-        ]);
-    }
-    lines.extend([
-        heading("reaches"),
-        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
-        fact("then", screen.on_arrival.name()),
     ]);
-    lines.extend(keys(screen));
     lines
+}
+
+/// Says what bridges do for the plan, if there are any ahead and D along them is known.
+fn bridges(reach: &Reach) -> Option<String> {
+    let bridges = reach.path.len().saturating_sub(1);
+    if bridges == 0 || reach.arrived || reach.along.is_nan() {
+        return None;
+    }
+    let (direct, along) = (reach.distances.0.round(), reach.along.round());
+    let effect = if along < direct {
+        format!("{:.0} steps shorter", direct - along)
+    } else {
+        "no shorter, but each hop is short enough to trust".to_owned()
+    };
+    let waypoints = counted(bridges as u64, "waypoint");
+    Some(format!("{waypoints}; direct D says {direct:.0}, along bridges {along:.0}: {effect}"))
+}
+
+fn format_steps(distance: f32) -> String {
+    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1}") }
 }

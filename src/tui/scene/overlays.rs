@@ -14,11 +14,6 @@ use gdg::viewer::{Candidate, Graph};
 /// The most edges drawn: more of them would hide the ground.
 pub const MAX_EDGES: usize = 300;
 
-/// Number of opacity levels by which edges fade with distance from the cursor, and the lowest
-/// level.
-const FADES: usize = 5;
-const LEAST_OPACITY: f32 = 0.2;
-
 /// How edges look: their opacity, and their character without colours.
 const EDGES: [(EdgeStatus, f32, char); 3] = [
     (EdgeStatus::Untried, 0.3, '-'),
@@ -29,17 +24,14 @@ const EDGES: [(EdgeStatus, f32, char); 3] = [
 /// One candidate is drawn per block of characters, given by its columns and rows.
 const SPACING: (u16, u16) = (6, 3);
 
-/// The sign of a goal at the frontier.
 pub const FRONTIER_SIGN: char = '\u{25c6}';
 
-/// The walking agent's trail without colours.
 pub const TRAIL_MARK: char = '\u{b7}';
 
 /// Where places, `(goal_dim)`, and states are shown, in the unit of the canvas; `None` for those of
 /// another world.
 pub type Shown<'a> = &'a dyn Fn(&[f32]) -> Option<[f32; 2]>;
 
-/// Draws on a canvas.
 pub struct Painter<'a> {
     pub canvas: Canvas,
     pub screen: &'a Screen,
@@ -55,13 +47,11 @@ impl Painter<'_> {
         self.screen.overlays.has(overlay)
     }
 
-    /// Returns the positions of places that follow each other.
     pub fn places<'b>(&self, places: impl IntoIterator<Item = &'b Vec<f32>>) -> Vec<[f32; 2]> {
         places.into_iter().filter_map(|place| (self.place)(place)).collect()
     }
 
-    /// Draws walked and failed edges, those nearest to `near` on top and if there are many only
-    /// those; below them untried ones, if they are wanted.
+    /// Draws walked and failed edges near `near`, below them untried ones if they are wanted.
     pub fn edges(&mut self, graph: &Graph, near: [f32; 2], with_untried: bool) {
         if !self.shows(Overlay::Edges) {
             return;
@@ -80,28 +70,19 @@ impl Painter<'_> {
             tried.select_nth_unstable_by(MAX_EDGES, |a, b| a.0.total_cmp(&b.0));
             tried.truncate(MAX_EDGES);
         }
-        tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let fades = if tried.len() < MAX_EDGES { 1 } else { FADES };
-        let chunk = tried.len().div_ceil(fades).max(1);
-        let chunks = tried
-            .chunks(chunk)
-            .enumerate()
-            .map(|(n, edges)| (edges, 1.0 - (1.0 - LEAST_OPACITY) * n as f32 / fades as f32));
-        let untried = Some((&*untried, 1.0)).filter(|_| with_untried);
-        let groups: Vec<_> = chunks.chain(untried).collect();
+        let untried = untried.into_iter().filter(|_| with_untried);
+        let shown: Vec<_> = untried.chain(tried).collect();
         let [walked, failed, other] = self.theme.edges;
-        for (edges, fade) in groups.into_iter().rev() {
-            for ((status, opacity, mark), rgb) in EDGES.into_iter().zip([other, walked, failed]) {
-                let own = edges.iter().filter(|(.., own)| *own == status).map(|(_, ends, _)| *ends);
-                self.canvas.lines(own, 0.07, Ink::new(rgb, fade * opacity, mark));
-            }
+        for ((status, opacity, mark), rgb) in EDGES.into_iter().zip([other, walked, failed]) {
+            let own = shown.iter().filter(|(.., own)| *own == status).map(|(_, ends, _)| *ends);
+            self.canvas.lines(own, 0.07, Ink::new(rgb, opacity, mark));
         }
     }
 
     /// Draws some bridge candidates, since all of them would hide the ground: in each block the one
     /// nearest to its middle, so that they stay the same while they are in place. The better
-    /// connected, the larger or stronger; as signs where characters have `room_for_signs`.
-    pub fn candidates(&mut self, graph: &Graph, room_for_signs: Option<&dyn Fn([f32; 2]) -> bool>) {
+    /// connected, the larger or stronger.
+    pub fn candidates(&mut self, graph: &Graph) {
         if !self.shows(Overlay::Candidates) {
             return;
         }
@@ -123,22 +104,10 @@ impl Painter<'_> {
         shown.sort_unstable();
         for Candidate { at, degree } in shown.into_iter().map(|i| &graph.candidates[i]) {
             let Some(at) = (self.place)(at) else { continue };
-            match room_for_signs {
-                Some(has_room) if !self.canvas.is_fine => {
-                    let size = ((3.0 * degree) as usize).min(2);
-                    if has_room(at) {
-                        self.canvas.symbol(at, ['\u{b7}', '\u{2022}', '\u{25cf}'][size], None);
-                    }
-                }
-                _ => {
-                    let is_fine = self.canvas.is_fine;
-                    let share = if is_fine { 0.8 } else { 0.25 + 0.5 * degree };
-                    let mark = Some(CANDIDATE_MARK);
-                    let ink = Ink { rgb: None, share, mark, on_floor: true };
-                    let radius = if is_fine { 0.04 + 0.09 * degree } else { 0.0 };
-                    self.canvas.disc(at, radius, ink);
-                }
-            }
+            let is_fine = self.canvas.is_fine;
+            let share = if is_fine { 0.8 } else { 0.25 + 0.5 * degree };
+            let ink = Ink { rgb: None, share, mark: Some(CANDIDATE_MARK), on_floor: true };
+            self.canvas.disc(at, 0.04 + 0.09 * degree, ink);
         }
     }
 
@@ -183,8 +152,7 @@ impl Painter<'_> {
         stops.iter().for_each(|at| self.canvas.disc(*at, 0.17, ink));
     }
 
-    /// Draws a trail that fades towards its beginning; positions farther apart than `longest` are
-    /// not connected, as a new episode began between them.
+    /// Draws a trail that fades; a step farther than `longest` began a new episode.
     pub fn trail(&mut self, trail: &[[f32; 2]], longest: f32, width: f32, ink: Ink) {
         for (i, ends) in trail.windows(2).enumerate() {
             if (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) <= longest {
@@ -194,7 +162,6 @@ impl Painter<'_> {
         }
     }
 
-    /// Draws where the agent that is shown has been.
     pub fn own_trail(&mut self, trail: &[[f32; 2]], longest: f32) {
         self.trail(trail, longest, 0.2, Ink::new(self.theme.walker, 0.85, TRAIL_MARK));
     }
@@ -221,16 +188,6 @@ impl Painter<'_> {
         agents.into_iter().for_each(|at| self.canvas.agent(at, radius, Ink::new(rgb, 1.0, 'o')));
     }
 
-    /// Draws the exploring agent that is followed, and its goal.
-    pub fn followed(&mut self) {
-        let Some(followed) = &self.screen.snapshot.followed else { return };
-        if let Some(at) = (self.place)(&followed.goal) {
-            self.canvas.flag(at, '\u{2691}', self.theme.agent);
-        }
-        self.letter((self.state)(&followed.state), 'A', self.theme.agent, 0.4);
-    }
-
-    /// Draws a letter, if its place is shown.
     pub fn letter(&mut self, at: Option<[f32; 2]>, letter: char, rgb: Rgb, radius: f32) {
         if let Some(at) = at {
             self.canvas.letter(at, letter, rgb, radius);

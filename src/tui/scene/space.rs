@@ -6,35 +6,33 @@ mod draw;
 use std::sync::Arc;
 
 use crossterm::event::{MouseButton, MouseEventKind};
-use ratatui::layout::Position;
+use ratatui::Frame;
+use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use super::legend::scale;
-use crate::tui::action::Action;
+use super::{Cache, SceneKind};
+use crate::tui::action::{Action, Binding};
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::Link;
 use crate::tui::panes::Pane;
 use crate::tui::projection::{Angle, Camera, Projection, ShownAngles, has_room};
 use crate::tui::screen::Screen;
-pub use draw::{draw, legend_lines, walk_lines};
+use crate::tui::text::{fact, heading};
+use draw::short;
 use gdg::engine::Snapshot;
 use gdg::env::{GoalSpace, Scene};
-use gdg::train::FilmFrame;
-use gdg::viewer::space::Request;
-use gdg::viewer::{Field, SpaceView};
+use gdg::viewer::{Field, Request, View};
 
 /// How far a key moves the goal: of an arm in metres, else as a share of what is shown.
 const NUDGE: f32 = 0.01;
 const NUDGE_SHARE: f32 = 0.02;
 
-/// How far a key turns the free projection, in rad, and moves the others, as a share of what they
-/// show.
+/// How far a key turns the free projection, in rad, and moves others, as a share of what they show.
 const TURN: f32 = 0.15;
 const PAN_SHARE: f32 = 0.1;
 
-/// How far a drag by a character turns the free projection, in rad: around the vertical axis, and
-/// up or down.
+/// How far a drag by a character turns the free projection, in rad: around the vertical, and up.
 const DRAG_TURN: [f32; 2] = [0.04, 0.08];
 
 /// The greatest magnification, and the zoom factor of one wheel step.
@@ -44,28 +42,23 @@ const WHEEL_ZOOM_FACTOR: f32 = 1.25;
 /// Margin around the components that are shown, as a share of their range.
 const MARGIN: f32 = 0.05;
 
-/// The state of a world without a map on the screen.
+const MOST_COMPONENTS: usize = 8;
+
 #[derive(Debug, Default)]
 pub struct SpaceState {
-    pub view: Arc<SpaceView>,
+    pub view: Arc<View>,
     /// The goal that distances are measured to, `(goal_dim)`; empty until there is one.
     pub goal: Vec<f32>,
     is_arm: bool,
     /// Which projections of an arm are shown, and how.
     pub shown: ShownAngles,
-    /// Which pair of components of others is shown, and whether the world's own picture is beside.
+    /// Which pair of components of others is shown.
     pair: usize,
-    has_picture: bool,
     /// The mouse position of a drag, and whether it has turned the free projection.
     dragged_from: Option<Position>,
     turned: bool,
 }
 
-pub fn shows(field: Field) -> bool {
-    matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain)
-}
-
-/// Returns the space of goals, unless it is an arm's.
 fn space(screen: &Screen) -> Option<&GoalSpace> {
     match &screen.snapshot.scene {
         Scene::Goals(space) => Some(space),
@@ -73,7 +66,6 @@ fn space(screen: &Screen) -> Option<&GoalSpace> {
     }
 }
 
-/// Names and capabilities.
 impl SpaceState {
     pub fn of(snapshot: &Snapshot) -> Self {
         Self { is_arm: matches!(snapshot.scene, Scene::Arm(_)), ..Self::default() }
@@ -83,116 +75,6 @@ impl SpaceState {
         matches!((self.is_arm, scene), (true, Scene::Arm(_)) | (false, Scene::Goals(_)))
     }
 
-    /// Returns the word for what is drawn.
-    pub fn noun(&self) -> &'static str {
-        if self.is_arm { "arm" } else { "goals" }
-    }
-
-    pub fn introduction(&self) -> &'static str {
-        if self.is_arm {
-            "Colours show the learned distance D to the goal G: light near, dark far. The agents do \
-             not see joints and get no reward. @ reaches for G with what it has learned so far; a \
-             click sets the two coordinates that are shown."
-        } else {
-            "Colours show the learned distance D to the goal G over two components of the space of \
-             goals: light near, dark far. The agents get no reward. @ reaches for G with what it \
-             has learned so far; a click sets the two components that are shown."
-        }
-    }
-
-    /// Returns whether an action applies: all but those that need a map, and without an arm those
-    /// that need to put an agent somewhere, a camera or the past.
-    pub fn offers(&self, action: Action) -> bool {
-        match action {
-            Action::Inspect
-            | Action::GoalHere
-            | Action::ToggleEdit
-            | Action::Tool(_)
-            | Action::Apply
-            | Action::Undo
-            | Action::Redo
-            | Action::SaveMap
-            | Action::Toggle(Overlay::Unexplored | Overlay::Directions) => false,
-            Action::StartHere
-            | Action::ZoomIn
-            | Action::ZoomOut
-            | Action::ZoomOff
-            | Action::Pan(..)
-            | Action::Back
-            | Action::Forth => self.is_arm,
-            _ => true,
-        }
-    }
-
-    /// Returns the description of an action if its meaning differs from that on a map.
-    pub fn wording(&self, action: Action) -> Option<&'static str> {
-        let both = |arm, other| Some(if self.is_arm { arm } else { other });
-        match action {
-            Action::NewGoal => Some("a random new goal (or click)"),
-            Action::Move(-1, 0) => both(
-                "move the goal left by 1 cm, in the chosen projection",
-                "move the goal left, in the components shown",
-            ),
-            Action::NewStart => both(
-                "put @ at a start position of the world (right-click: there)",
-                "put @ at a start of the world (or right-click)",
-            ),
-            Action::StartHere => Some("put @ at the goal"),
-            Action::Projection if !self.is_arm => Some("show the next two components of goals"),
-            Action::Alone if !self.is_arm => {
-                Some("the picture that the world renders, beside it, on or off")
-            }
-            Action::Field(true) => both(
-                "colour the plane through G by the next quantity",
-                "colour the space by the next quantity",
-            ),
-            Action::Toggle(Overlay::Agents) if self.is_arm => {
-                Some("grips of exploring agents, and their trails")
-            }
-            Action::Toggle(Overlay::Contours) if self.is_arm => {
-                Some("contour lines on that plane, on or off")
-            }
-            Action::Toggle(Overlay::Candidates) if !self.is_arm => {
-                Some("bridge candidates: where agents have been")
-            }
-            Action::ZoomOff => Some("show everything"),
-            Action::Pan(-1, 0) => Some("turn the free projection (or drag), pan the others"),
-            Action::Show(Pane::Legend) => both("legend of the arm", "legend of the space"),
-            Action::Export => both("export arm or curves", "export the space or curves"),
-            Action::OpenMap => Some("open a map instead"),
-            _ => None,
-        }
-    }
-}
-
-/// What is shown.
-impl SpaceState {
-    /// Returns the frame of the film that is shown: the viewer's latest, to avoid flicker.
-    pub fn past(&self) -> Option<&FilmFrame> {
-        self.view.past.as_deref()
-    }
-
-    /// Returns the field that the colours show: for the past, only D is available.
-    fn shown_field(&self, screen: &Screen) -> Field {
-        if self.past().is_some() { Field::Learned } else { screen.field }
-    }
-
-    /// Returns the largest value of the field, at least 1.
-    pub fn own_farthest(&self) -> f32 {
-        self.view.farthest.max(1.0)
-    }
-
-    /// Returns the colour scale with a bar of `bar` characters.
-    fn scale(&self, screen: &Screen, bar: usize) -> Line<'static> {
-        scale(&screen.theme, self.shown_field(screen), self.own_farthest(), bar)
-            .unwrap_or_else(|| Line::raw(format!(" {} only ", self.noun())))
-    }
-
-    /// Returns the goal that distances are shown to.
-    fn shown_goal(&self) -> &[f32] {
-        self.past().map_or(&self.goal, |frame| &frame.goal)
-    }
-
     /// Returns the components shown, to the right and upwards, for goals of `count` components.
     fn axes(&self, count: usize) -> [usize; 2] {
         let mut pairs = (0..count).flat_map(|up| (0..up).map(move |across| [across, up]));
@@ -200,8 +82,7 @@ impl SpaceState {
         pairs.nth(self.pair % all).unwrap_or([0, 0])
     }
 
-    /// Returns the lowest and the highest value of a component to show: its range in `space`, and
-    /// all places known.
+    /// Returns the range of a component: that in `space`, and all places known.
     fn range(&self, axis: usize, space: &GoalSpace) -> [f32; 2] {
         let candidates = self.view.graph.candidates.iter().map(|candidate| &candidate.at);
         let places = candidates.chain([&self.goal, &self.view.reach.at]);
@@ -220,28 +101,7 @@ impl SpaceState {
     }
 }
 
-/// Input.
 impl SpaceState {
-    /// Shows the world of another run, with the goal that it was saved with or a random one.
-    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
-        *self = Self {
-            shown: ShownAngles { camera: Camera::default(), ..self.shown },
-            ..Self::of(&screen.snapshot)
-        };
-        let run = screen.run();
-        let agents = run.settings.train.agents;
-        let text = format!("{} on {}, {agents} agents", run.method.name(), screen.snapshot.title);
-        screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
-        let saved = screen.snapshot.notes.goal.clone();
-        let count = space(screen).map_or(3, |space| space.spec().goal_dim());
-        if saved.len() == count {
-            self.set_goal(saved, screen, link);
-        } else {
-            self.draw_goal(screen, link);
-        }
-    }
-
-    /// Sets a random goal, as the world draws them.
     fn draw_goal(&mut self, screen: &mut Screen, link: &mut Link) {
         if let Scene::Arm(arm) = &screen.snapshot.scene {
             let goal = arm.random_goal(&mut link.rng).to_vec();
@@ -263,35 +123,6 @@ impl SpaceState {
         link.request(request);
     }
 
-    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
-        match action {
-            Action::NewGoal => self.draw_goal(screen, link),
-            Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen, link),
-            Action::StartHere => link.request(Request::Start(Some(self.goal.clone()))),
-            Action::NewStart => link.request(Request::Start(None)),
-            Action::Projection if self.is_arm => self.shown.angle = self.shown.angle.next(),
-            Action::Projection => self.show_next_pair(screen),
-            Action::Alone if !self.is_arm => self.has_picture = !self.has_picture,
-            Action::Alone if has_room(screen.layout.map_pane) => {
-                self.shown.alone = !self.shown.alone;
-            }
-            Action::Alone => screen.notify("there is only room for one projection"),
-            Action::ZoomIn => self.zoom(1.5, None),
-            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
-            Action::ZoomOff => self.shown.camera = Camera::default(),
-            Action::Pan(dx, dy) if self.shown.angle == Angle::Free => {
-                self.shown.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
-            }
-            Action::Pan(dx, dy) => {
-                let Some(projection) = self.chosen(&screen.layout) else { return };
-                let [_, _, width, height] = projection.frame.raster.window;
-                let by = [PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32];
-                self.pan(projection, by);
-            }
-            _ => {}
-        }
-    }
-
     fn show_next_pair(&mut self, screen: &mut Screen) {
         self.pair += 1;
         match space(screen).map(|space| space.spec().goal_dim()) {
@@ -301,7 +132,6 @@ impl SpaceState {
         }
     }
 
-    /// Moves the goal in the plane of the chosen projection.
     fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen, link: &mut Link) {
         let Some(plane) = self.chosen(&screen.layout).map(|shown| &shown.plane) else { return };
         if self.goal.is_empty() {
@@ -336,14 +166,201 @@ impl SpaceState {
             *focus = fixed + share * (*focus - fixed);
         }
     }
+}
 
-    /// Shows all projections again; returns whether the chosen one was alone.
-    pub fn close(&mut self) -> bool {
+impl SceneKind for SpaceState {
+    fn noun(&self) -> &'static str {
+        if self.is_arm { "arm" } else { "goals" }
+    }
+
+    fn introduction(&self) -> &'static str {
+        if self.is_arm {
+            "Colours show the learned distance D to the goal G: light near, dark far. The agents do \
+             not see joints and get no reward. @ reaches for G with what it has learned so far; a \
+             click sets the two coordinates that are shown."
+        } else {
+            "Colours show the learned distance D to the goal G over two components of the space of \
+             goals: light near, dark far. The agents get no reward. @ reaches for G with what it \
+             has learned so far; a click sets the two components that are shown."
+        }
+    }
+
+    /// All but those that need a map, and without an arm those
+    /// that need to put an agent somewhere, a camera or the past.
+    fn offers(&self, action: Action) -> bool {
+        match action {
+            Action::Inspect
+            | Action::GoalHere
+            | Action::ToggleEdit
+            | Action::Tool(_)
+            | Action::Apply
+            | Action::Undo
+            | Action::Redo
+            | Action::SaveMap
+            | Action::Toggle(Overlay::Unexplored) => false,
+            Action::StartHere
+            | Action::ZoomIn
+            | Action::ZoomOut
+            | Action::ZoomOff
+            | Action::Pan(..)
+            | Action::Alone
+            | Action::Back
+            | Action::Forth => self.is_arm,
+            _ => true,
+        }
+    }
+
+    fn wording(&self, binding: &Binding) -> &'static str {
+        let both = |arm, other| if self.is_arm { arm } else { other };
+        match binding.action {
+            Action::NewGoal => "a random new goal (or click)",
+            Action::Move(-1, 0) => both(
+                "move the goal left by 1 cm, in the chosen projection",
+                "move the goal left, in the components shown",
+            ),
+            Action::NewStart => both(
+                "put @ at a start position of the world (right-click: there)",
+                "put @ at a start of the world (or right-click)",
+            ),
+            Action::StartHere => "put @ at the goal",
+            Action::Projection if !self.is_arm => "show the next two components of goals",
+            Action::Field(true) => both(
+                "colour the plane through G by the next quantity",
+                "colour the space by the next quantity",
+            ),
+            Action::Toggle(Overlay::Agents) if self.is_arm => {
+                "grips of exploring agents, and their trails"
+            }
+            Action::Toggle(Overlay::Contours) if self.is_arm => {
+                "contour lines on that plane, on or off"
+            }
+            Action::Toggle(Overlay::Candidates) if !self.is_arm => {
+                "bridge candidates: where agents have been"
+            }
+            Action::ZoomOff => "show everything",
+            Action::Pan(-1, 0) => "turn the free projection (or drag), pan the others",
+            Action::Show(Pane::Legend) => both("legend of the arm", "legend of the space"),
+            Action::Export => both("export arm or curves", "export the space or curves"),
+            Action::OpenMap => "open a map instead",
+            _ => binding.long,
+        }
+    }
+
+    fn shows(&self, field: Field) -> bool {
+        matches!(field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain)
+    }
+
+    fn view(&self) -> &View {
+        &self.view
+    }
+
+    fn goal(&self) -> Vec<f32> {
+        self.goal.clone()
+    }
+
+    /// In centimetres for an arm; at most three components.
+    fn format_place(&self, at: &[f32]) -> String {
+        let format = |value: &f32| {
+            if self.is_arm { format!("{:.1}", 100.0 * value) } else { short(*value) }
+        };
+        let shown: Vec<String> = at.iter().take(3).map(format).collect();
+        if at.is_empty() { "-".to_owned() } else { shown.join(", ") }
+    }
+
+    fn format_length(&self, length: f32) -> String {
+        match length {
+            _ if length.is_nan() => "-".to_owned(),
+            _ if self.is_arm => format!("{:.1} cm", 100.0 * length),
+            _ => short(length),
+        }
+    }
+
+    fn places(&self, [start, at, goal]: [&[f32]; 3], screen: &Screen) -> Vec<Line<'static>> {
+        let Some(space) = space(screen) else {
+            return vec![
+                heading("x, y, z in cm"),
+                fact("from", self.format_place(start)),
+                fact("grip @", self.format_place(at)),
+                fact("to G", self.format_place(goal)),
+            ];
+        };
+        let mut lines = vec![heading("agent @ \u{2192} goal G")];
+        let both = at.iter().zip(goal).enumerate().take(MOST_COMPONENTS);
+        lines.extend(both.map(|(i, (at, goal))| {
+            fact(&space.name(i), format!("{} \u{2192} {}", short(*at), short(*goal)))
+        }));
+        if at.len() > MOST_COMPONENTS {
+            lines.push(Line::from(format!(" and {} more", at.len() - MOST_COMPONENTS)));
+        }
+        lines
+    }
+
+    fn signs(&self, screen: &Screen) -> Vec<Line<'static>> {
+        draw::legend(self, screen)
+    }
+
+    fn draw(
+        &self,
+        frame: &mut Frame,
+        areas: [Rect; 2],
+        screen: &Screen,
+        layout: &mut ScreenLayout,
+        _cache: &mut Cache,
+    ) {
+        draw::draw(frame, areas, self, screen, layout);
+    }
+
+    fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+        *self = Self {
+            shown: ShownAngles { camera: Camera::default(), ..self.shown },
+            ..Self::of(&screen.snapshot)
+        };
+        let run = screen.run();
+        let agents = run.settings.train.agents;
+        let text = format!("{} on {}, {agents} agents", run.method.name(), screen.snapshot.title);
+        screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
+        let saved = screen.snapshot.notes.goal.clone();
+        let count = space(screen).map_or(3, |space| space.spec().goal_dim());
+        if saved.len() == count {
+            self.set_goal(saved, screen, link);
+        } else {
+            self.draw_goal(screen, link);
+        }
+    }
+
+    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+        match action {
+            Action::NewGoal => self.draw_goal(screen, link),
+            Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen, link),
+            Action::StartHere => link.request(Request::Start(Some(self.goal.clone()))),
+            Action::NewStart => link.request(Request::Start(None)),
+            Action::Projection if self.is_arm => self.shown.angle = self.shown.angle.next(),
+            Action::Projection => self.show_next_pair(screen),
+            Action::Alone if has_room(screen.layout.map_pane) => {
+                self.shown.alone = !self.shown.alone;
+            }
+            Action::Alone => screen.notify("there is only room for one projection"),
+            Action::ZoomIn => self.zoom(1.5, None),
+            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
+            Action::ZoomOff => self.shown.camera = Camera::default(),
+            Action::Pan(dx, dy) if self.shown.angle == Angle::Free => {
+                self.shown.orbit.turn(TURN * dx as f32, -TURN * dy as f32);
+            }
+            Action::Pan(dx, dy) => {
+                let Some(projection) = self.chosen(&screen.layout) else { return };
+                let [_, _, width, height] = projection.frame.raster.window;
+                let by = [PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32];
+                self.pan(projection, by);
+            }
+            _ => {}
+        }
+    }
+
+    fn close(&mut self, _link: &Link) -> bool {
         std::mem::take(&mut self.shown.alone)
     }
 
-    /// Handles the mouse on the projections; returns whether it did anything.
-    pub fn on_mouse(
+    fn on_mouse(
         &mut self,
         kind: MouseEventKind,
         at: Position,
@@ -409,11 +426,7 @@ impl SpaceState {
         true
     }
 
-    /// Has the viewer compute what the pixels shown need; `before` is the previous layout.
-    pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
-        if before.picture != screen.layout.picture {
-            link.request(Request::Picture(screen.layout.picture));
-        }
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
         let shown = &mut screen.layout.projections;
         if shown.is_empty() {
             // Hidden behind a maximised pane.
@@ -424,18 +437,12 @@ impl SpaceState {
         }
     }
 
-    pub fn show(&mut self, view: Arc<SpaceView>, screen: &mut Screen, link: &Link) {
+    fn show(&mut self, view: Arc<View>, _screen: &mut Screen, link: &Link) {
         // Also goals that the viewer has drawn, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
             && *number == link.goal_request
         {
             self.goal.clone_from(goal);
-        }
-        if let (true, Some(Err(why))) = (self.has_picture, &view.picture) {
-            // Nothing but that would be shown in its place.
-            self.has_picture = false;
-            let why = why.lines().collect::<Vec<_>>().join(" ");
-            screen.report(&format!("no picture of the world: {why}"));
         }
         self.view = view;
     }

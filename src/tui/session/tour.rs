@@ -80,7 +80,7 @@ impl Guide {
             maze.editor.close();
             maze.viewport = Viewport::default();
         }
-        (cx.screen.maximised, cx.screen.following) = (false, None);
+        cx.screen.maximised = false;
         for overlay in [Overlay::Contours, Overlay::Agents, Overlay::Path] {
             show_overlay(overlay, true, cx);
         }
@@ -218,7 +218,7 @@ fn edit_cells(cells: &[Cell], free: bool, cx: &mut Cx) -> bool {
         let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
         if !done(&map) {
             let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
-            let new = changed.and_then(|new| maze.editor.offer(&map, new));
+            let new = changed.filter(|new| *new != *map).map(Arc::new);
             maze.change_map(new, screen, link);
         }
         done(&maze.map)
@@ -454,7 +454,7 @@ fn over_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     let Some(Bridge { stops, distances: [first, second, direct] }) = tour.bridge else {
         return no_bridge(cx).map(|caption| Caption { seen: true, ..caption });
     };
-    let walk = &cx.scene.maze()?.view.walk;
+    let walk = &cx.scene.maze()?.view.reach;
     // An earlier walk has ended when the step begins.
     let seen = walk.arrived && tour.elapsed > 1.0;
     let state = if seen {
@@ -480,7 +480,7 @@ fn aim_far(tour: &mut Tour, cx: &mut Cx) {
 
 fn plan(tour: &mut Tour, Cx { scene, .. }: &mut Cx) -> Option<Caption> {
     let maze = scene.maze()?;
-    let path = points_along(&maze.view.way);
+    let path = points_along(&maze.way());
     if path.len() > tour.route.len() {
         tour.route.clone_from(&path);
     }
@@ -488,7 +488,7 @@ fn plan(tour: &mut Tour, Cx { scene, .. }: &mut Cx) -> Option<Caption> {
         "G is now in the far room. The line to it is the plan: from bridge to bridge, each near \
                 enough to be reached reliably. @ walks it."
             .to_owned();
-    let seen = maze.view.walk.arrived && tour.elapsed > 1.0;
+    let seen = maze.view.reach.arrived && tour.elapsed > 1.0;
     let subject = [vec![maze.goal.centre()], path].concat();
     Some(Caption { text, subject, marks: Vec::new(), seen })
 }
@@ -518,7 +518,7 @@ fn around_door(maze: &MazeState, tour: &Tour) -> Vec<[f32; 2]> {
     let (place, ..) = tour.watched;
     let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
     let door = cells_between(door).into_iter().map(Cell::centre);
-    [vec![place], door.collect(), points_along(&maze.view.way)].concat()
+    [vec![place], door.collect(), points_along(&maze.way())].concat()
 }
 
 fn closed(tour: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
@@ -568,7 +568,7 @@ fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
         key(Action::ToggleEdit),
         key(Action::Help)
     );
-    let walker = maze.view.trail.last().copied().unwrap_or(maze.view.walk.start);
+    let walker = maze.walker().unwrap_or(maze.goal.centre());
     let subject = vec![maze.goal.centre(), walker];
     Some(Caption { text, subject, marks: Vec::new(), seen: true })
 }

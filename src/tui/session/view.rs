@@ -1,4 +1,4 @@
-//! What is shown, and how: fields, overlays, panes, colours and the followed agent.
+//! What is shown, and how: fields, overlays, panes and colours.
 
 use super::Cx;
 use crate::tui::action::Action;
@@ -7,7 +7,6 @@ use crate::tui::marker::Marker;
 use crate::tui::panes::Pane;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
-use gdg::engine::Command;
 use gdg::viewer::{Field, OnArrival, Request};
 
 pub fn set_on_arrival(cx: &mut Cx, on_arrival: OnArrival) {
@@ -61,21 +60,6 @@ pub fn set_theme(screen: &mut Screen, name: ThemeName) {
     screen.theme = theme;
 }
 
-pub fn follow_next(cx: &mut Cx) {
-    let agents = cx.screen.run().settings.train.agents;
-    let next = cx.screen.following.map_or(0, |agent| agent + 1);
-    follow(cx, Some(next).filter(|next| *next < agents));
-}
-
-fn follow(cx: &mut Cx, agent: Option<usize>) {
-    cx.screen.following = agent;
-    cx.command(Command::Follow(agent));
-    let who =
-        agent.map_or("the walking agent @".to_owned(), |agent| format!("exploring agent {agent}"));
-    cx.screen.notify(&format!("following {who}"));
-    cx.screen.pane = Pane::Walk;
-}
-
 /// Shows a pane: instead of the map if there is no room beside it.
 pub fn show(cx: &mut Cx, action: Action) {
     if let Action::Show(pane) = action {
@@ -94,7 +78,7 @@ pub fn show_next(cx: &mut Cx) {
     }
 }
 
-/// Leaves what is on top: the past, something enlarged or a followed agent.
+/// Leaves what is on top: the past, or something enlarged.
 pub fn close_top(cx: &mut Cx) {
     if cx.return_to_present()
         || cx.scene.close(&cx.link)
@@ -102,9 +86,7 @@ pub fn close_top(cx: &mut Cx) {
     {
         return;
     }
-    if cx.screen.following.is_some() {
-        follow(cx, None);
-    } else if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
+    if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
         cx.act_in_scene(Action::ZoomOff);
     }
 }

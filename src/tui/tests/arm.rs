@@ -4,8 +4,7 @@
 use super::*;
 use crate::tui::scene::Scene as Shown;
 use gdg::env::{FetchReach, Scene};
-use gdg::viewer::space::Plane;
-use gdg::viewer::{Candidate, Graph, Reach, SpaceView, View};
+use gdg::viewer::{Candidate, Graph, Plane, Reach, View};
 
 /// Returns an app that does not train.
 fn arm_app() -> App {
@@ -18,12 +17,12 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     app.set_arm_goal([1.42, 0.83, 0.6]);
     draw(&mut app, width, height);
     let view = staged_view(&app);
-    app.on_view(View::Space(Arc::new(view)));
+    app.on_view(Arc::new(view));
     app
 }
 
 /// Returns the view of the arm in [`staged_app`].
-pub(super) fn staged_view(app: &Session) -> SpaceView {
+pub(super) fn staged_view(app: &Session) -> View {
     let goal = app.space().goal.clone();
     let planes: Vec<_> =
         app.screen.layout.projections.iter().map(|projection| projection.plane.clone()).collect();
@@ -37,7 +36,7 @@ pub(super) fn staged_view(app: &Session) -> SpaceView {
     let mut arm = FetchReach::new(1);
     arm.put(0, [1.3, 0.66, 0.5]);
     let candidate = |at: [f32; 3]| Candidate { at: at.to_vec(), degree: 0.5 };
-    SpaceView {
+    View {
         goal: (Some(goal.clone()), 1),
         fields: Arc::new(planes.iter().map(field).collect()),
         planes: Arc::new(planes),
@@ -61,7 +60,7 @@ pub(super) fn staged_view(app: &Session) -> SpaceView {
             finished: (3, 4),
             ..Reach::default()
         },
-        ..SpaceView::default()
+        ..View::default()
     }
 }
 
@@ -178,7 +177,8 @@ fn maps_and_worlds_open_from_each_others_screens() {
         wait_until(&mut app, |app| match &app.scene {
             Shown::Space(space) => !space.view.fields.is_empty(),
             Shown::Maze(maze) => {
-                maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster)
+                maze.view.field().map(|(_, raster)| raster)
+                    == app.screen.layout.map.as_ref().map(|map| map.raster)
             }
         });
     }

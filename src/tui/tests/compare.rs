@@ -3,7 +3,7 @@
 use super::staged::{evaluation, staged_view};
 use super::*;
 use crate::tui::compare::{Comparison, ComparisonOptions, Contender, Contestant, prepare};
-use crate::tui::graphics::{Graphics, Protocol, Redraw};
+use crate::tui::graphics::{Graphics, Redraw};
 use crate::tui::tests::past::film;
 use gdg::env::FetchReach;
 use gdg::job::Job;
@@ -31,7 +31,7 @@ impl App {
     fn follow(&mut self, side: usize, snapshot: &Arc<Snapshot>, view: &View) {
         let comparison = self.comparison();
         comparison.sessions[side].on_snapshot(snapshot.clone());
-        comparison.sessions[side].on_view(view.clone());
+        comparison.sessions[side].on_view(Arc::new(view.clone()));
         comparison.follow(side, view);
     }
 }
@@ -84,9 +84,9 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
         view.goal.1 = app.link.goal_request;
-        view.walk.arrived = side == 0;
+        view.reach.arrived = side == 0;
         let snapshot = app.screen.latest.clone();
-        comparison.follow(side, &snapshot, &View::Maze(Arc::new(view)));
+        comparison.follow(side, &snapshot, &view);
     }
     comparison
 }
@@ -127,7 +127,8 @@ fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Right), at);
         wait_until(&mut comparison, |apps| {
             apps.iter().all(|app| {
-                app.maze().view.walk.start == start.centre() && app.maze().view.goal.0 == Some(goal)
+                app.maze().view.reach.start == start.centre()
+                    && app.maze().view.goal.0 == Some(goal.centre().to_vec())
             })
         });
     }
@@ -186,14 +187,14 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
 #[test]
 fn both_maps_are_pictures_on_which_the_same_distance_has_the_same_colour() {
     let mut comparison = comparison();
-    let graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+    let graphics = Graphics { character: (8, 16) };
     comparison.set_graphics(Some(graphics), Redraw::All);
     draw(&mut comparison, 120, 40);
     let areas: Vec<_> = comparison.pictures().iter().map(|picture| Some(picture.area)).collect();
     let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));
     assert_eq!(areas, maps);
     wait_until(&mut comparison, |apps| {
-        let [a, b] = apps.map(|app| (app.scene.own_farthest(), app.maze().farthest(&app.screen)));
+        let [a, b] = apps.map(|app| (app.scene.own_farthest(), app.scene.farthest(&app.screen)));
         a.0.to_bits() != b.0.to_bits() && a.1.to_bits() == b.1.to_bits()
     });
 }

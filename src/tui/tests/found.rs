@@ -56,14 +56,21 @@ fn a_goal_without_a_path_is_said_and_marked() {
     let said = |app: &App| {
         app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count()
     };
-    wait_until(&mut app, |app| !app.maze().view.path.is_empty() && app.maze().view.walk.steps > 0);
+    wait_until(&mut app, |app| {
+        !app.maze().view.reach.path.is_empty() && app.maze().view.reach.steps > 0
+    });
     assert_eq!(said(&app), 0, "@ and G are on the same side");
-    assert_eq!(app.maze().view.walk.start, Cell::new(7, 1).centre(), "the map's own start");
+    assert!(
+        app.maze().view.reach.start.iter().map(|at| at.floor()).eq([7.0, 1.0]),
+        "its own start"
+    );
     app.set_goal(Cell::new(12, 0));
-    wait_until(&mut app, |app| app.maze().view.goal.0 == Some(Cell::new(12, 0)));
-    wait_until(&mut app, |app| app.maze().view.walk.steps > 3 && app.maze().view.raster.is_some());
+    wait_until(&mut app, |app| app.maze().view.goal.0 == Some(vec![12.5, 0.5]));
+    wait_until(&mut app, |app| {
+        app.maze().view.reach.steps > 3 && app.maze().view.field().is_some()
+    });
     assert_eq!(said(&app), 1, "once");
-    assert!(app.maze().view.path.is_empty(), "a line through the wall is no plan");
+    assert!(app.maze().view.reach.path.is_empty(), "a line through the wall is no plan");
     assert!(shown_by(&mut app, 80, 24).contains('\\'), "floor without a path is hatched");
 }
 

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::tui::panes::Pane;
-use gdg::env::{FetchReach, GoalSpace, Rendering, Scene as World};
+use gdg::env::{FetchReach, GoalSpace, Scene as World};
 use gdg::train::DataSource;
-use gdg::viewer::{SpaceView, View};
+use gdg::viewer::View;
 
 /// Returns an app in the space of an arm's goals, with a made-up view, drawn at the given size.
 pub(super) fn staged_app(width: u16, height: u16) -> Still {
@@ -16,35 +16,10 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     // What is known of the space decides which part is shown.
     for _ in 0..2 {
         draw(&mut app, width, height);
-        let view = SpaceView { pose: None, ..arm::staged_view(&app) };
-        app.on_view(View::Space(Arc::new(view)));
+        let view = View { pose: None, ..arm::staged_view(&app) };
+        app.on_view(Arc::new(view));
     }
     app
-}
-
-#[test]
-fn the_worlds_own_picture_is_beside_the_space_if_there_is_one() {
-    // Dark, but for a green floor.
-    let mut app = staged_app(120, 40);
-    app.act(Action::Alone);
-    let pixel = |i: usize| if i < 2 * 16 { [20, 20, 30] } else { [30, 200, 60] };
-    let picture = Rendering::new(16, (0..16 * 8).map(pixel).collect());
-    let mut view = (*app.space().view).clone();
-    let mut with = |picture, app: &mut Still| {
-        view.picture = Some(picture);
-        app.on_view(View::Space(Arc::new(view.clone())));
-        let shown = shown_by(app, 120, 40);
-        (app.screen.layout.projections[0].frame.area.width, shown)
-    };
-    let (beside, _) = with(Ok(Arc::new(picture)), &mut app);
-    assert!(app.screen.layout.picture.is_some());
-    let floor = ratatui::style::Color::Rgb(30, 200, 60);
-    let drawn = draw(&mut app, 120, 40);
-    assert!(drawn.backend().buffer().content.iter().any(|cell| cell.bg == floor));
-    // Where there is none, the space has the width again, and the notice says why.
-    let (alone, shown) = with(Err("gladLoadGL error".to_owned()), &mut app);
-    assert!(shown.contains("no picture of the world: gladLoadGL error"), "{shown}");
-    assert!(alone > beside && app.screen.layout.picture.is_none());
 }
 
 #[test]

@@ -6,8 +6,7 @@ use crate::tui::export::name;
 use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
 use gdg::train::{Film, FilmFrame};
-use gdg::viewer::maze::FilmedMap;
-use gdg::viewer::{MazeView, View};
+use gdg::viewer::{FilmedMap, Plane, View};
 
 /// Returns a film on the rooms map: distances grow with the updates.
 pub(super) fn film(app: &Session, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
@@ -38,14 +37,14 @@ fn stage_past(app: &mut App) {
     let frame = app.screen.past.clone().expect("the past is looked at");
     let raster = app.screen.layout.map.clone().expect("the map is drawn").raster;
     let field = FilmedMap::new(app.maze().map.clone()).field(&frame, raster);
-    let view = MazeView {
+    let view = View {
         farthest: frame.farthest(),
-        field: Arc::new(field),
-        raster: Some(raster),
+        fields: Arc::new(vec![field]),
+        planes: Arc::new(vec![Plane::of_maze(raster)]),
         past: Some(frame),
         ..(*app.maze().view).clone()
     };
-    app.on_view(View::Maze(Arc::new(view)));
+    app.on_view(Arc::new(view));
 }
 
 fn shown_update(app: &App) -> Option<u64> {
@@ -83,7 +82,7 @@ fn a_click_on_the_curves_goes_to_that_update_and_one_on_the_map_returns() {
     click(&mut app, MouseButton::Left, at);
     assert_eq!((shown_update(&app), app.maze().goal), (None, Cell::new(3, 1)));
     // So does whatever is about the present.
-    for (key, stays) in [('n', false), ('v', false), ('e', false), ('f', false), ('+', true)] {
+    for (key, stays) in [('n', false), ('v', false), ('e', false), ('+', true)] {
         app.act(Action::Back);
         type_text(&mut app, &key.to_string());
         assert_eq!(shown_update(&app).is_some(), stays, "{key}");
@@ -112,16 +111,16 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| {
-        app.screen.snapshot.film.len() > 1 && app.maze().view.raster.is_some()
+        app.screen.snapshot.film.len() > 1 && app.maze().view.field().is_some()
     });
     type_text(&mut app, "[[");
     assert_eq!(shown_update(&app), Some(1));
     wait_until(&mut app, |app| app.shown_past().is_some());
-    let field = app.maze().view.field.clone();
-    assert!(field.iter().any(|value| value.is_finite()));
+    let fields = app.maze().view.fields.clone();
+    assert!(fields[0].iter().any(|value| value.is_finite()));
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
-    assert!(Arc::ptr_eq(&field, &app.maze().view.field), "the past does not change");
+    assert!(Arc::ptr_eq(&fields, &app.maze().view.fields), "the past does not change");
     // A frozen screen does not change, but one can look back.
     press(&mut app, KeyCode::Char('F'));
     let updates = app.screen.snapshot.counters.updates;

@@ -5,12 +5,12 @@ use ratatui::layout::Rect;
 use super::staged::staged_app;
 use super::*;
 use crate::tui::graphics::patches::Patches;
-use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};
+use crate::tui::graphics::{Graphics, Picture, Redraw};
 use crate::tui::layers::Overlay;
 use crate::tui::marker::Marker;
 use crate::tui::theme::Rgb;
 
-pub(super) const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+pub(super) const GRAPHICS: Graphics = Graphics { character: (8, 16) };
 
 /// Returns an app on a terminal that shows pictures.
 fn app_with_pictures() -> App {
@@ -69,7 +69,7 @@ fn a_small_map_is_drawn_pixel_by_pixel() {
 #[test]
 fn text_over_the_map_wins() {
     let mut app = app_with_pictures();
-    let mut patches = Patches::new(Protocol::Kitty);
+    let mut patches = Patches::default();
     let before = draw(&mut app, 80, 24);
     let sent = |patches: &mut Patches, app: &App, terminal: &Terminal<TestBackend>| {
         let screen = terminal.backend().buffer();
@@ -132,7 +132,7 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let row: String = (0..600).map(|x| if x % 50 == 49 { '#' } else { '.' }).collect();
     let map = parse_map("wide", format!("{row}\n").repeat(300).as_bytes()).expect("a map");
     let mut app = still_on(map, gdg());
-    app.set_graphics(Some(Graphics { character: (3, 6), ..GRAPHICS }), Redraw::All);
+    app.set_graphics(Some(Graphics { character: (3, 6) }), Redraw::All);
     draw(&mut app, 100, 40);
     let Picture { columns, pixels, .. } = picture(&app);
     assert!(*columns < 300, "less than a pixel for two cells");

@@ -3,7 +3,7 @@
 use super::staged::staged_app;
 use super::*;
 use crate::tui::dialog::Choice;
-use crate::tui::graphics::{Graphics, Protocol, Redraw};
+use crate::tui::graphics::{Graphics, Redraw};
 use crate::tui::lists;
 use crate::tui::session::runs;
 use crate::tui::session::saving::about_files;
@@ -391,8 +391,8 @@ fn exports_have_all_colours_and_characters_whatever_the_terminal_has() {
         assert_eq!(app.screen.theme.depth, depth, "the screen keeps its colours");
         svg
     };
-    let pixels = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+    let pixels = Graphics { character: (8, 16) };
     let own = exported(ColourDepth::True, None);
-    assert!(own == exported(ColourDepth::Basic, None));
+    assert!(own == exported(ColourDepth::Indexed, None));
     assert!(own == exported(ColourDepth::True, Some(pixels)));
 }

@@ -11,8 +11,7 @@ use crate::tui::raster::{MapFrame, Viewport};
 use gdg::bridge::EdgeStatus;
 use gdg::draw::Ground;
 use gdg::map::{RandomMapKind, random};
-use gdg::viewer::maze::Exploration;
-use gdg::viewer::{Candidate, Graph};
+use gdg::viewer::{Candidate, Exploration, Graph};
 
 pub(super) fn check(name: &str, app: &mut impl Driven, width: u16, height: u16) {
     let shown = picture(&draw(app, width, height));
@@ -151,11 +150,11 @@ fn every_field_can_be_shown() {
         let asked = app.screen.field;
         wait_until(&mut app, |app| {
             app.maze().view.kind == asked
-                && (asked == Field::Plain || !app.maze().view.field.is_empty())
+                && (asked == Field::Plain || app.maze().view.field().is_some())
         });
         assert!(shown_by(&mut app, 80, 24).contains(asked.name()), "{asked:?} is named");
-        let (field, raster) =
-            (app.maze().view.field.clone(), app.maze().view.raster.expect("a raster"));
+        let view = app.maze().view.clone();
+        let (field, raster) = view.field().expect("a field");
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {
@@ -165,12 +164,12 @@ fn every_field_can_be_shown() {
             Field::Plain => assert!(value.is_nan()),
             Field::OverEach => {
                 let (view, policy) = (&app.maze().view, &app.screen.snapshot.networks.policy);
-                let (start, goal) = (view.walk.start, app.maze().goal.centre());
+                let (start, goal) = (&view.reach.start, app.maze().goal.centre());
                 let at = raster.middle_of(row * raster.pixels.0 + column);
                 let part = |from: &[f32], to: &[f32]| {
                     policy.distance(from, to, &mut gdg::learn::Scratch::default())
                 };
-                let sum = part(&start, &at) + part(&at, &goal);
+                let sum = part(start, &at) + part(&at, &goal);
                 assert!((value - sum).abs() < 0.01, "the sum of both parts: {value}, {sum}");
             }
             _ => assert!(value.is_finite() && field.iter().any(|d| d.is_nan()), "none on walls"),
@@ -192,10 +191,10 @@ fn shows_floor(frame: &MapFrame, map: &Grid, at: Position) -> bool {
 
 /// Draws an agent and the walking agent at `at`; returns how many characters they change.
 fn check_agent(app: &mut App, at: [f32; 2], (width, height): (u16, u16)) -> usize {
-    app.change_view(|view| view.trail.clear());
+    app.change_view(|view| view.reach.at.clear());
     app.change_snapshot(|snapshot| snapshot.agents = Arc::default());
     let without = draw(app, width, height).backend().buffer().clone();
-    app.change_view(|view| view.trail = vec![at]);
+    app.change_view(|view| view.reach.at = at.to_vec());
     app.change_snapshot(|snapshot| snapshot.agents = Arc::new(at.to_vec()));
     let with = draw(app, width, height).backend().buffer().clone();
     let (frame, map) = (app.screen.layout.map.clone().expect("a map"), app.maze().map.clone());
@@ -216,7 +215,7 @@ fn agents_in_a_maze_are_never_drawn_inside_walls() {
         app.screen.overlays.toggle(overlay);
     }
     let (mut shown, mut all) = (0, 0);
-    for (marker, zoom) in [Marker::HalfBlock, Marker::Quadrant, Marker::Braille]
+    for (marker, zoom) in [Marker::HalfBlock, Marker::Quadrant]
         .into_iter()
         .flat_map(|marker| [(marker, 1.0), (marker, 1.7), (marker, 4.0)])
     {

@@ -2,10 +2,9 @@
 
 use super::*;
 use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
-use gdg::engine::{FollowedAgent, NextEvaluation};
+use gdg::engine::NextEvaluation;
 use gdg::train::{Counters, CurvePoint, DistanceError, DistanceScore, Evaluation, Score};
-use gdg::viewer::maze::{Exploration, Walk};
-use gdg::viewer::{Candidate, Graph};
+use gdg::viewer::{Candidate, Exploration, Graph, Plane, Reach, way_along};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -52,16 +51,6 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
         found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
         budget: 64,
     };
-    let followed = FollowedAgent {
-        agent: 2,
-        start: vec![2.5, 4.5],
-        state: vec![7.5, 1.5],
-        steps: (17, 150),
-        aim: vec![10.5, 2.5],
-        goal: vec![18.5, 0.5],
-        distances: (3.0, 11.0),
-        planned: true,
-    };
     for updates in [2_500, 5_000, 7_500, 10_000] {
         let mut counters = Counters::default();
         (counters.updates, counters.env_steps, counters.episodes) =
@@ -80,7 +69,6 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
             agents: Arc::new(vec![4.5, 3.5, 7.5, 1.5, 14.5, 2.5]),
             trails: Arc::new(vec![vec![3.5, 3.5, 4.0, 3.5, 4.5, 3.5]]),
             frontier_goals: Arc::new(vec![13.5, 1.5]),
-            followed: Some(Arc::new(followed.clone())),
             search: Some(Arc::new(search.clone())),
             evaluations: Arc::new(Vec::new()),
             next_evaluation: NextEvaluation::AtUpdate(updates + 1_000),
@@ -100,12 +88,12 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
     }
     app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(evaluations));
     let view = staged_view(&app);
-    app.on_view(View::Maze(Arc::new(view)));
+    app.on_view(Arc::new(view));
     app
 }
 
 /// Returns the view of the rooms map in [`staged_app`].
-pub(super) fn staged_view(app: &Session) -> MazeView {
+pub(super) fn staged_view(app: &Session) -> View {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
@@ -126,38 +114,33 @@ pub(super) fn staged_view(app: &Session) -> MazeView {
     let map = &app.maze().map;
     let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
     let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
-    let mut view = MazeView {
-        goal: (Some(app.maze().goal), 1),
+    let places = |at: &[[f32; 2]]| at.iter().map(|at| at.to_vec()).collect::<Vec<_>>();
+    let stops = [[3.5, 1.9], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]];
+    View {
+        goal: (Some(app.maze().goal.centre().to_vec()), 1),
         kind: Field::Learned,
         farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
-        field: Arc::new(values),
-        raster: Some(frame.raster),
-        directions: Arc::new(vec![
-            ([5.5, 2.5], [1.0, 0.0]),
-            ([12.5, 1.5], [0.7, 0.7]),
-            ([16.5, 1.5], [0.0, 1.0]),
-        ]),
+        fields: Arc::new(vec![values]),
+        planes: Arc::new(vec![Plane::of_maze(frame.raster)]),
         graph: Arc::new(Graph {
             candidates: candidates.into_iter().enumerate().map(candidate).collect(),
             edges: edges.collect(),
         }),
         exploration: Arc::new(Exploration::new(&app.maze().map, &visits)),
-        trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
-        walk: Walk {
-            start: [0.5, 2.5],
+        reach: Reach {
+            start: vec![0.5, 2.5],
+            at: vec![3.5, 1.9],
+            trail: places(&[[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]]),
+            path: places(&stops[1..]),
+            way: places(&way_along(map, &stops)),
             steps: 4,
             shortest: Some(19),
             distances: (15.2, 2.1),
             along: 12.4,
-            waypoint: Some([6.5, 1.5]),
-            arrived: false,
-            gave_up: false,
-            finished_walks: (3, 4),
+            waypoint: Some(vec![6.5, 1.5]),
+            finished: (3, 4),
+            ..Reach::default()
         },
-        followed_steps: Some(11),
-        ..MazeView::default()
-    };
-    let path = vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]];
-    view.set_plan(map, [3.5, 1.9], path);
-    view
+        ..View::default()
+    }
 }

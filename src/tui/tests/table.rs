@@ -119,8 +119,6 @@ const ROWS: &[Row] = &[
     (New, NARROW, "5", &["log"], &["D to G"]),
     (New, SMALL, "z", &["updates"], &["D to G"]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
-    (Run, LARGE, "f2", &["exploring agent"], &[]),
-    (New, SMALL, "ff{esc}", &["following the walking agent @"], &[]),
     (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
     (Run, LARGE, "v", &["D from S"], &[]),
     (New, SMALL, "i", &["cell 19,4"], &[]),

@@ -123,7 +123,6 @@ impl Walker {
         &self.route
     }
 
-    /// Returns its current target, once it has taken a step.
     pub fn target(&self) -> Option<Target> {
         self.target
     }

@@ -248,21 +248,6 @@ mod tests {
     }
 
     #[test]
-    fn lines_on_planes_are_thin_whole_and_where_these_reach_their_levels() {
-        for (a, b) in [(3.0, 0.0), (1.0, 1.0), (1.0, 0.3), (-0.4, 1.0), (0.07, 1.0)] {
-            let value = |x: f32, y: f32| 100.0 + a * x + b * y;
-            let lines = contour_paths(&field(value), COLUMNS, 7.0);
-            assert!(!lines.is_empty() && !lines.iter().any(is_thick_or_torn), "slope {a}, {b}");
-            for line in &lines {
-                let off =
-                    |(x, y): &(usize, usize)| (value(*x as f32, *y as f32) - line.level).abs();
-                assert!(positions(line).iter().all(|at| off(at) <= 0.5 * (a.abs() + b) + 1e-4));
-                assert!(b > 0.0 || positions(line).len() == 30);
-            }
-        }
-    }
-
-    #[test]
     fn lines_on_a_cone_are_circles_and_paths_are_where_they_are_but_finer() {
         let cone = field(|x, y| (x - 20.0).hypot(y - 15.0));
         let paths = contour_paths(&cone, COLUMNS, 10.0);

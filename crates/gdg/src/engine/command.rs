@@ -33,7 +33,6 @@ pub enum Command {
     Evaluate,
     /// Pause after each evaluation for this many times its duration.
     PauseEvaluations(u32),
-    Follow(Option<usize>),
     /// Save a checkpoint with what the front end keeps in it.
     Save(SaveTo, Notes),
     /// Save a checkpoint to a separate file named after this one; only the newest few are kept.
@@ -136,7 +135,7 @@ impl Worker {
         (self.trainer, self.session) = (trainer, session());
         self.trainer.set_job(self.job.clone());
         (self.evaluation, self.next_evaluation_at, self.next_update_at) = (None, None, None);
-        (self.follow, self.new_file) = (None, None);
+        self.new_file = None;
         self.autosaved.clear();
         self.current = Snapshot {
             generation: self.current.generation + 1,
@@ -170,7 +169,6 @@ impl Worker {
         Ok(text)
     }
 
-    /// Saves a checkpoint in addition to those requested by the user.
     fn autosave(&mut self, named_after: &Path, notes: Notes) -> Outcome {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let stem = without_autosave_suffix(&stem);
@@ -207,7 +205,7 @@ impl Worker {
     fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
-        let all = std::iter::once(saved).chain(self.trainer.world().take_warnings());
+        let all = std::iter::once(saved).chain(self.trainer.take_warnings());
         all.collect::<Vec<_>>().join("; ")
     }
 
@@ -265,11 +263,6 @@ impl Worker {
             }
             Command::Evaluate if self.start_evaluation()? => "evaluating ...".to_owned(),
             Command::Evaluate => "an evaluation is already running".to_owned(),
-            Command::Follow(agent) => {
-                self.follow = agent;
-                self.refresh_snapshot(false)?;
-                return Ok(None);
-            }
             Command::Save(to, notes) => self.save(to, notes)?,
             Command::Autosave(named_after, notes) => self.autosave(&named_after, notes)?,
             Command::ChangeWorld(make, done) => {

@@ -20,7 +20,6 @@ pub enum Step {
     Episode,
 }
 
-/// What the trainer is doing.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Phase {
     Running,
@@ -96,7 +95,6 @@ pub struct Snapshot {
     pub trails: Arc<Vec<Vec<f32>>>,
     /// Places at the frontier that agents are heading for, `(goals, goal_dim)`.
     pub frontier_goals: Arc<Vec<f32>>,
-    pub followed: Option<Arc<FollowedAgent>>,
     pub networks: Arc<Networks>,
     pub search: Option<Arc<SearchOutcome>>,
     pub curve: Arc<Vec<CurvePoint>>,
@@ -104,7 +102,6 @@ pub struct Snapshot {
     pub film: Arc<Vec<Arc<FilmFrame>>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// Methods used so far, if there was more than one.
     pub methods: Methods,
     /// Updates after which the world was edited, in order.
     pub edits: Arc<Vec<u64>>,
@@ -119,7 +116,6 @@ pub struct Snapshot {
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
     pub next_evaluation: NextEvaluation,
-    /// How far the latest evaluation is.
     pub evaluation_progress: Job,
     pub notice: Notice,
 }
@@ -134,23 +130,6 @@ impl Networks {
     pub(super) fn capture(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
         Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
-}
-
-#[derive(Clone, Debug, PartialEq)]
-pub struct FollowedAgent {
-    pub agent: usize,
-    /// First state of its episode that the replay buffer still holds, `(state_dim)`.
-    pub start: Vec<f32>,
-    pub state: Vec<f32>,
-    /// Steps of its episode so far, and at most.
-    pub steps: (u32, u32),
-    /// Current target: the goal or a waypoint, `(goal_dim)`.
-    pub aim: Vec<f32>,
-    /// Final goal, `(goal_dim)`.
-    pub goal: Vec<f32>,
-    /// D to both, in steps.
-    pub distances: (f32, f32),
-    pub planned: bool,
 }
 
 impl Snapshot {
@@ -180,7 +159,6 @@ impl Snapshot {
             data: None,
             trails: Arc::default(),
             frontier_goals: Arc::default(),
-            followed: None,
             networks: Networks::capture(trainer)?,
             search: None,
             curve: Arc::default(),
@@ -370,36 +348,7 @@ impl Worker {
             current.networks = Networks::capture(trainer)?;
             current.scene = trainer.scene();
         }
-        self.current.followed = self.followed()?.map(Arc::new);
         self.publish();
         Ok(())
-    }
-
-    fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
-        let (trainer, scratch) = (&self.trainer, &mut self.scratch);
-        let rollout = trainer.rollout();
-        let acts = |agent: &usize| *agent < rollout.agents().len() && trainer.acts();
-        let Some(agent) = self.follow.filter(acts) else {
-            return Ok(None);
-        };
-        let s = trainer.spec().state_dim();
-        let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
-        let own = &rollout.agents()[agent];
-        let (goal, waypoints) = rollout.goal_and_waypoints(agent);
-        let frontier = rollout.excursions().destination(agent);
-        let (aim, goal) =
-            frontier.as_deref().map_or((&own.goal[..], goal), |frontier| (frontier, frontier));
-        let mut distances = (0.0, 0.0);
-        let mut measure = |policy: &dyn Policy| {
-            distances =
-                (policy.distance(&state, aim, scratch), policy.distance(&state, goal, scratch));
-        };
-        trainer.learner().with_policy(false, &mut measure)?;
-        // Before the first step of an episode, the replay buffer holds none of its states.
-        let start =
-            trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
-        let (aim, goal, planned) = (aim.to_vec(), goal.to_vec(), !waypoints.is_empty());
-        let steps = (own.steps, trainer.episode_steps());
-        Ok(Some(FollowedAgent { agent, start, state, steps, aim, goal, distances, planned }))
     }
 }

@@ -47,6 +47,11 @@ pub trait Recorded {
         Map::new()
     }
 
+    /// Returns what tells the tasks of its evaluations apart, if they are given, from random ones.
+    fn scenario(&self) -> Option<String> {
+        None
+    }
+
     /// Returns what users should know of the world now, and have not been told yet.
     fn take_warnings(&self) -> Vec<String> {
         Vec::new()

@@ -330,6 +330,11 @@ impl Recorded for PointMaze {
         Some(fingerprint(&self.map))
     }
 
+    fn scenario(&self) -> Option<String> {
+        let tasks = || crc32fast::hash(format!("{:?}", self.scenario).as_bytes());
+        (!self.scenario.is_empty()).then(|| format!("{:08x}", tasks()))
+    }
+
     fn facts(&self) -> Map<String, Value> {
         let (map, diameter) = (&self.map, self.diameter());
         let mut facts = json!({
@@ -347,9 +352,8 @@ impl Recorded for PointMaze {
             facts["margin_cells"] = json!(scale.margin);
             facts["goal_radius_cells"] = json!(scale.goal_radius);
         }
-        if !self.scenario.is_empty() {
-            let tasks = format!("{:?}", self.scenario);
-            facts["scenario"] = json!(format!("{:08x}", crc32fast::hash(tasks.as_bytes())));
+        if let Some(tasks) = Recorded::scenario(self) {
+            facts["scenario"] = json!(tasks);
         }
         Map::from_iter([("map".to_owned(), facts)])
     }

@@ -13,8 +13,7 @@ use crate::learn::error::LearnError;
 use crate::learn::networks::export::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
-use crate::learn::update::losses::Losses;
-use crate::learn::update::profile::Profile;
+use crate::learn::update::report::{Losses, Profile};
 use crate::learn::update::threads::Threads;
 use crate::store::Store;
 

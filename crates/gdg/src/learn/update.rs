@@ -4,6 +4,6 @@ pub mod actor;
 pub mod losses;
 pub mod parts;
 pub mod pool;
-pub mod profile;
+pub mod report;
 pub mod threads;
 pub mod training;

@@ -30,25 +30,20 @@ use content::{MAX_HEADER_BYTES, Texts};
 const ABOUT: &str = "about";
 const HISTORY: &str = "history";
 
-/// Maximum length of a displayed reason, in characters: it may quote the file.
 const MAX_REASON_CHARS: usize = 400;
 
-/// Error from writing or loading a checkpoint.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {problem}", sanitized(&file.to_string_lossy()))]
 pub struct CheckpointError {
     pub file: PathBuf,
-    /// What is wrong with it.
     pub problem: String,
     pub help: String,
 }
 
-/// Summary of a checkpoint, without its state.
 #[derive(Clone, Debug)]
 pub struct Description {
     pub file: PathBuf,
     pub about: About,
-    /// Size of the file in bytes.
     pub bytes: u64,
     pub written: Option<SystemTime>,
 }
@@ -136,7 +131,6 @@ fn unreadable(path: &Path, problem: &str) -> CheckpointError {
     }
 }
 
-/// Where to write a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
     /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts
@@ -155,7 +149,6 @@ impl SaveTo {
         }
     }
 
-    /// Says why a checkpoint was saved under another name than the requested one.
     pub fn obstacle(&self) -> &'static str {
         match self {
             _ if !is_checkpoint(self.path()) => "is not a checkpoint of gdg-tui",

@@ -18,7 +18,6 @@ use crate::files::{self, Format, Wanted};
 use crate::settings::{GROUPS, Preset, Setting};
 use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, sanitized, truncated};
 
-/// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides<'a> {
     /// The world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)), for presets
@@ -48,7 +47,6 @@ impl ConfigError {
         Box::new(Self { location: String::new(), problem, help, excerpt: None })
     }
 
-    /// Returns the problem and the expected value in one line.
     pub fn one_line(&self) -> String {
         format!("{}: {}", self.problem, self.help)
     }
@@ -362,7 +360,6 @@ fn offset_of(text: &str, line: usize, column: usize) -> usize {
     offset
 }
 
-/// Returns the reference page of all settings, in Markdown.
 pub fn reference_page() -> String {
     let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` \
                     (JSON, in the format of `--print-config`), or change any of them during \

@@ -48,10 +48,10 @@ pub struct DataSource {
     pub episodes: usize,
 }
 
-/// Episodes of recorded transitions.
 #[derive(Clone, Debug)]
 pub struct Dataset {
     source: DataSource,
+    pub(super) facts: Option<FileFacts>,
     sizes: ReplaySizes,
     /// `(rows, state_dim)`.
     states: Vec<f32>,
@@ -121,7 +121,7 @@ impl Dataset {
             // Resumed from anywhere.
             let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
             let source = DataSource { file, checksum, transitions, episodes };
-            Ok(Self { source, sizes, states, actions, ends })
+            Ok(Self { source, facts, sizes, states, actions, ends })
         };
         read().map_err(|problem| unfit(file, problem))
     }
@@ -247,22 +247,19 @@ fn checksum(
 ) -> Result<(u32, Option<FileFacts>), DataError> {
     let facts = FileFacts::of(path);
     let all = facts.map_or(0, |facts| facts.bytes as usize);
-    let tell = |bytes| progress.set(bytes as usize, parts * all);
-    let read = files::open(path).and_then(|file| checksum_of(file, tell));
+    let read = || -> io::Result<u32> {
+        let (mut file, mut crc, mut done) = (files::open(path)?, CrcWriter::new(io::sink()), 0);
+        loop {
+            progress.set(done as usize, parts * all);
+            match io::copy(&mut (&mut file).take(CHUNK), &mut crc)? {
+                0 => return Ok(crc.crc().sum()),
+                read => done += read,
+            }
+        }
+    };
     let help = "give --data FILE if they are elsewhere";
     let unread = |error| unfit(path, format!("the data cannot be read: {error}: {help}"));
-    Ok((read.map_err(unread)?, facts))
-}
-
-fn checksum_of(mut bytes: impl Read, tell: impl Fn(u64)) -> io::Result<u32> {
-    let (mut crc, mut done) = (CrcWriter::new(io::sink()), 0);
-    loop {
-        tell(done);
-        match io::copy(&mut bytes.by_ref().take(CHUNK), &mut crc)? {
-            0 => return Ok(crc.crc().sum()),
-            read => done += read,
-        }
-    }
+    Ok((read().map_err(unread)?, facts))
 }
 
 fn check(

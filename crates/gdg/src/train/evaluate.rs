@@ -19,7 +19,6 @@ use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
 use tasks::{Actor, run_tasks};
 
-/// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
     pub(super) world: Box<dyn Environment>,
     pub(super) policy: Arc<dyn Policy>,
@@ -172,7 +171,6 @@ impl EvaluationJob {
     }
 }
 
-/// The plan for a task, and the walk that followed it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskWalk {
     /// Waypoints of the plan made at the start, ending with the goal, each `(goal_dim)`; none if

@@ -12,7 +12,6 @@ const FRAME_EVERY_UPDATES: u64 = 250;
 
 const MAX_FRAMES: usize = 64;
 
-/// Maximum number of agents in a frame; the others are left out.
 const MAX_FILM_AGENTS: usize = 64;
 
 /// Positions in a file may lie this many times the range of states from its middle.
@@ -20,7 +19,6 @@ const MAX_RANGES: f32 = 100.0;
 
 const UNKNOWN: u16 = u16::MAX;
 
-/// What was learned by one update.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilmFrame {
     pub updates: u64,
@@ -48,7 +46,6 @@ impl FilmFrame {
         }
     }
 
-    /// Returns the largest D, at least 1.
     pub fn farthest(&self) -> f32 {
         let known = self.values.iter().filter(|value| **value != UNKNOWN);
         known.max().map_or(1.0, |most| (f32::from(*most) * self.scale).max(1.0))

@@ -131,12 +131,10 @@ impl History {
         }
     }
 
-    /// Returns the updates after which the world was edited, in order.
     pub fn edits(&self) -> &[u64] {
         &self.edits
     }
 
-    /// Returns the curves of losses and coverage, oldest point first.
     pub fn points(&self) -> &Arc<Vec<CurvePoint>> {
         &self.points
     }
@@ -163,7 +161,6 @@ impl History {
         own.map(|(updates, evaluation)| evaluation.success(*updates))
     }
 
-    /// Checks a history read from a file.
     pub fn check(&self, spec: &Spec) -> Result<(), StoreError> {
         let Notes { log, goal } = &self.notes;
         let short = |entry: &LogEntry| {
@@ -202,7 +199,6 @@ const MAX_STRETCHES: usize = 200;
 
 const MAX_NAME_BYTES: usize = 200;
 
-/// A part of a run under one method.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stretch {
     pub from: u64,
@@ -261,7 +257,6 @@ impl Methods {
         self.0.get(self.index(updates)).map(|stretch| stretch.method.as_str())
     }
 
-    /// Returns whether an evaluation made at `updates` was of the current method.
     pub fn is_current(&self, updates: u64) -> bool {
         self.index(updates) + 1 >= self.0.len()
     }

@@ -48,7 +48,6 @@ impl Leaps {
                 .all(|leap| fits(&leap.from, spec.goal_dim()) && fits(&leap.to, spec.goal_dim()))
     }
 
-    /// Remembers the step from `state` to `next` if it is a leap.
     pub fn note(&mut self, spec: &Spec, state: &[f32], next: &[f32]) {
         if !is_leap(spec, state, next) {
             return;

@@ -13,10 +13,8 @@ use crate::job::Job;
 use crate::learn::{LearnError, NamedTensor};
 use crate::store::StoreError;
 
-/// Name of the description in the file's metadata.
 pub(super) const POLICY_KEY: &str = "policy";
 
-/// The arrays of the file, by name.
 type Arrays = Vec<(String, Tensor)>;
 
 fn array<T: WithDType>(

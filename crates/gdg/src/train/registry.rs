@@ -48,7 +48,6 @@ impl Registry {
         self.with(|registry| registry.data = data)
     }
 
-    /// Sets the options of Gymnasium's environments.
     #[must_use]
     pub fn with_gym(self: Arc<Self>, options: GymOptions) -> Arc<Self> {
         self.with(|registry| registry.options = options)
@@ -137,7 +136,6 @@ impl Registry {
         }
     }
 
-    /// Loads the world of the kind `name` saved in `store`, without agents.
     pub(crate) fn load_world(
         &self,
         name: &str,

@@ -121,7 +121,6 @@ impl Rollout {
         &self.agents
     }
 
-    /// Returns agent `i`'s final goal and the waypoints ahead of it, if it has a plan.
     pub fn goal_and_waypoints(&self, i: usize) -> (&[f32], Vec<usize>) {
         let agent = &self.agents[i];
         match (&self.plans[i], &agent.after_bridge) {

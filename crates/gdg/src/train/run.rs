@@ -10,7 +10,6 @@ use crate::bridge::BridgeSettings;
 use crate::settings::Preset;
 use crate::store::StoreError;
 
-/// Definition of a run: everything that its result depends on besides the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     pub method: Method,
@@ -76,7 +75,6 @@ pub struct Counters {
 }
 
 impl Counters {
-    /// Returns the number of updates left during which changed distances are relearned, if any.
     pub fn relearning(&self) -> Option<u64> {
         self.relearns_until.checked_sub(self.updates).filter(|left| *left > 0)
     }
@@ -122,7 +120,6 @@ pub struct Limits {
     pub env_steps: Option<u64>,
 }
 
-/// The mean pace of a run in this process.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Counters and seconds of training at the first update that counts, and now.
@@ -190,28 +187,27 @@ pub(crate) mod tests {
 
     #[test]
     fn another_method_brings_its_preset_and_keeps_what_was_changed() {
-        let method = |name: &str| name.parse::<Method>().expect("a method");
         let (preset, registry) = (Preset::Default, Registry::builtin());
+        let method = |name: &str| name.parse::<Method>().expect("a method");
         let mut run = Run { method: method("gdg"), preset, seed: 1, settings: preset.settings() };
         run.settings.learn.hidden = 33;
-        run.set_method(method("random"), &registry);
-        assert_eq!((run.preset, run.settings.learn.hidden), (Preset::Default, 33));
-        run.set_method(method("her+sorb"), &registry);
-        let mut expected = Preset::Tuned.settings();
-        expected.learn.hidden = 33;
-        assert_eq!(
-            (run.method.name(), run.preset, &run.settings),
-            ("her+sorb".to_owned(), Preset::Tuned, &expected)
-        );
-        run.set_method(method("gdg-bridge"), &registry);
-        expected = Preset::Default.settings();
-        expected.learn.hidden = 33;
-        assert_eq!((run.preset, &run.settings), (Preset::Default, &expected));
+        for (name, preset) in [
+            ("random", Preset::Default),
+            ("her+sorb", Preset::Tuned),
+            ("gdg-bridge", Preset::Default),
+        ] {
+            run.set_method(method(name), &registry);
+            let mut expected = preset.settings();
+            expected.learn.hidden = 33;
+            let found = (run.method.name(), run.preset, &run.settings);
+            assert_eq!(found, (name.to_owned(), preset, &expected));
+        }
         // A preset that was chosen stays.
         (run.preset, run.settings) = (Preset::Paper, Preset::Paper.settings());
         run.set_method(method("ddpg"), &registry);
         assert_eq!((run.preset, &run.settings), (Preset::Paper, &Preset::Paper.settings()));
     }
+
     #[test]
     fn the_time_left_follows_from_the_mean_pace_since_the_first_update() {
         let at = |updates, seconds| (Counters { updates, ..Counters::default() }, seconds);

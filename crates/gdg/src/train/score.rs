@@ -118,7 +118,6 @@ pub struct Success {
 }
 
 impl fmt::Display for Success {
-    /// Formats as `planned 0.98, greedy 0.91`, or `no tasks`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         if let Some(planned) = self.planned {
             write!(f, "planned {planned:.2}, ")?;

@@ -58,7 +58,6 @@ pub struct Session {
 }
 
 impl Session {
-    /// Creates a session in which nothing is due before the first tick.
     pub fn new(schedule: Schedule) -> Self {
         Self { schedule, due: VecDeque::new(), evaluations: 0, saved_at: Instant::now() }
     }

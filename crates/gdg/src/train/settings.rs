@@ -192,16 +192,13 @@ impl Settings {
         self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS)
     }
 
-    fn max_episode_steps(&self) -> u32 {
-        let share = (self.learn.buffer_size / self.train.agents).saturating_sub(1);
-        u32::try_from(share).unwrap_or(u32::MAX).min(MAX_EPISODE_STEPS)
-    }
-
     /// Returns the steps of an episode while the longest distance in the bridge graph is
     /// `longest_steps`: an agent must be able to cross the known world and explore beyond it.
     pub fn episode_steps(&self, longest_steps: f32) -> u32 {
         let automatic = (EPISODE_FACTOR * longest_steps) as u32;
-        let most = self.max_episode_steps();
+        // The longest that fits into each agent's share of the replay buffer.
+        let share = (self.learn.buffer_size / self.train.agents).saturating_sub(1);
+        let most = u32::try_from(share).unwrap_or(u32::MAX).min(MAX_EPISODE_STEPS);
         self.train
             .episode_steps
             .given()

@@ -1,27 +1,34 @@
-//! Carries out actions in a maze.
+//! Carries out what keys and the mouse ask for in a maze: edits, goals, zooming and panning.
 
 use std::path::Path;
 use std::sync::Arc;
 
+use crossterm::event::{MouseButton, MouseEventKind};
 use rand::RngExt;
+use ratatui::layout::{Position, Rect};
 
 use super::MazeState;
 use super::editor::offset_cell;
 use crate::tui::action::Action;
 use crate::tui::dialog::{Prompt, Question};
-use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::Link;
-use crate::tui::raster::Viewport;
+use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::screen::Screen;
 use gdg::engine::{Command, MakeWorld};
 use gdg::env::PointMaze;
 use gdg::files::named;
 use gdg::map::{Cell, Grid};
-use gdg::viewer::maze::{Request, cell_of_goal};
-use gdg::viewer::{MazeView, OnArrival};
+use gdg::viewer::Request;
 
-const EDITS_DROPPED: &str = "older edits can no longer be undone: the history took too much memory";
+/// Zoom factor of one wheel step.
+pub const WHEEL_ZOOM_FACTOR: f32 = 1.25;
+
+/// The fewest cells shown across at maximum zoom.
+const MIN_VISIBLE_CELLS: f32 = 4.0;
+
+/// Share of the visible part that panning moves by.
+const PAN_SHARE: f32 = 0.2;
 
 /// Returns a function that builds the maze on `map` with the run's settings and scenario.
 pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
@@ -34,57 +41,7 @@ pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
 }
 
 impl MazeState {
-    /// Shows the maze of another run, with the goal that it was saved with, the map's own or a
-    /// random one.
-    pub fn start(&mut self, screen: &mut Screen, link: &mut Link) {
-        let Some(scene) = screen.snapshot.scene.maze() else { return };
-        let map = scene.map.clone();
-        // A new run on a drawn map leaves it in no file.
-        if screen.snapshot.saved.is_some() || map.name() != self.map.name() {
-            self.kept_map = map.clone();
-        }
-        self.map = map.clone();
-        self.editor.clear_history();
-        self.viewport = Viewport::default();
-        self.inspect(None, link);
-        link.request(Request::Directions(screen.overlays.has(Overlay::Directions)));
-        let method = screen.run().method.name();
-        let (name, width, height) = (map.name(), map.width(), map.height());
-        let text = format!("{method} on {name}, {width} x {height} cells");
-        screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
-        let saved = cell_of_goal(&screen.snapshot.notes.goal, &map);
-        let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell(link));
-        self.set_goal(goal, screen, link);
-    }
-
-    pub fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
-        let at_cursor = self.inspecting.unwrap_or(self.goal);
-        match action {
-            Action::NewGoal => {
-                let cell = self.random_cell(link);
-                self.set_goal(cell, screen, link);
-            }
-            Action::Move(dx, dy) => self.move_by([dx, dy], screen, link),
-            Action::GoalHere => self.set_goal(at_cursor, screen, link),
-            Action::StartHere => place_walker(Some(at_cursor), screen, link),
-            Action::NewStart => place_walker(None, screen, link),
-            Action::Toggle(Overlay::Directions) => {
-                link.request(Request::Directions(screen.overlays.has(Overlay::Directions)));
-            }
-            Action::ZoomIn => self.zoom(1.5, None, &screen.layout),
-            Action::ZoomOut => self.zoom(1.0 / 1.5, None, &screen.layout),
-            Action::ZoomOff => self.zoom(0.0, None, &screen.layout),
-            Action::Pan(dx, dy) => self.pan(dx, dy, &screen.layout),
-            Action::Inspect => {
-                let at = self.inspecting.is_none().then_some(self.goal);
-                self.inspect(at, link);
-            }
-            Action::SaveMap => self.ask_file(screen),
-            _ => self.edit(action, screen, link),
-        }
-    }
-
-    fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+    pub fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
         let map = self.map.clone();
         if matches!(action, Action::ToggleEdit | Action::Tool(_)) {
             screen.show_banner();
@@ -104,9 +61,7 @@ impl MazeState {
             }
             Action::Undo => {
                 let new = self.editor.undo();
-                let nothing =
-                    if self.editor.has_dropped { EDITS_DROPPED } else { "nothing to undo" };
-                self.change_map_or_say(new, ["undone: ", nothing], screen, link);
+                self.change_map_or_say(new, ["undone: ", "nothing to undo"], screen, link);
             }
             Action::Redo => {
                 let new = self.editor.redo();
@@ -116,14 +71,14 @@ impl MazeState {
         }
     }
 
-    fn ask_file(&self, screen: &mut Screen) {
+    pub fn ask_file(&self, screen: &mut Screen) {
         let stem = self.map.name().trim_end_matches("-edited");
         let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
         let hint = "NAME.map: Moving AI, without S and G; NAME.txt: plain text";
         screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
 
-    fn random_cell(&self, link: &mut Link) -> Cell {
+    pub fn random_cell(&self, link: &mut Link) -> Cell {
         let cells: Vec<Cell> = self.map.free_cells().collect();
         cells[link.rng.random_range(0..cells.len())]
     }
@@ -133,7 +88,7 @@ impl MazeState {
         if let Some(cell) = self.map.nearest_free(cell) {
             link.return_to_present(screen);
             self.goal = cell;
-            let request = Request::Goal(cell, link.next_goal_request());
+            let request = Request::Goal(Some(cell.centre().to_vec()), link.next_goal_request());
             link.request(request);
         }
     }
@@ -147,8 +102,6 @@ impl MazeState {
         }
     }
 
-    /// Puts the walking agent where the user has clicked, or near it with a notice if that is a
-    /// wall.
     pub fn place_walker_by_click(&self, clicked: Cell, screen: &mut Screen, link: &Link) {
         place_walker(Some(clicked), screen, link);
         if let Some(start) = self.map.nearest_free(clicked).filter(|start| *start != clicked) {
@@ -156,13 +109,11 @@ impl MazeState {
         }
     }
 
-    /// Starts inspecting a cell, or stops with `None`.
-    fn inspect(&mut self, cell: Option<Cell>, link: &Link) {
+    pub fn inspect(&mut self, cell: Option<Cell>, link: &Link) {
         self.inspecting = cell;
         link.request(Request::Inspect(cell.or(self.hovered)));
     }
 
-    /// Switches to `map`, if given.
     pub fn change_map(&mut self, map: Option<Arc<Grid>>, screen: &mut Screen, link: &mut Link) {
         self.change_map_or_say(map, [""; 2], screen, link);
     }
@@ -181,15 +132,11 @@ impl MazeState {
             }
             return;
         };
-        let is_taken = link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen);
-        self.editor.settle(&self.map, is_taken);
-        if !is_taken {
+        if !link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen) {
             return;
         }
+        self.editor.settle(&self.map, &map);
         self.map = map;
-        if self.editor.drops_first_edits() {
-            screen.notify(EDITS_DROPPED);
-        }
         if !self.map.is_free(self.goal) {
             self.set_goal(self.goal, screen, link);
         }
@@ -204,9 +151,8 @@ impl MazeState {
         }
     }
 
-    /// Moves the editor's cursor, the inspecting one or the goal by columns to the right and rows
-    /// down.
-    fn move_by(&mut self, by: [isize; 2], screen: &mut Screen, link: &mut Link) {
+    /// Moves the editor's cursor, the inspecting one or the goal, right and down.
+    pub fn move_by(&mut self, by: [isize; 2], screen: &mut Screen, link: &mut Link) {
         if self.editor.is_open() {
             self.editor.move_cursor(by, &self.map.clone());
         } else if let Some(at) = self.inspecting {
@@ -231,47 +177,10 @@ impl MazeState {
         }
     }
 
-    /// Closes the editor or the cursor; returns whether one was open.
-    pub fn close(&mut self, link: &Link) -> bool {
-        if self.editor.is_open() {
-            self.editor.close();
-        } else if self.inspecting.is_some() {
-            self.inspect(None, link);
-        } else {
-            return false;
-        }
-        true
-    }
-
-    /// Has the viewer compute the field for the map's pixels; `before` is the previous layout.
-    pub fn drawn(before: ScreenLayout, screen: &mut Screen, link: &Link) {
-        match &screen.layout.map {
-            Some(frame) if before.map.as_ref() != Some(frame) => {
-                link.request(Request::Frame(frame.raster, Arc::new(frame.arrows())));
-            }
-            Some(_) => {}
-            // The map is hidden behind a maximised pane.
-            None => screen.layout.map = before.map,
-        }
-    }
-
-    pub fn show(&mut self, view: Arc<MazeView>, screen: &mut Screen, link: &Link) {
-        // Follow goals chosen by the walking agent itself, but not those older than the latest goal
-        // request.
-        if let (Some(goal), number) = view.goal
-            && screen.on_arrival == OnArrival::Visit
-            && number == link.goal_request
-        {
-            self.goal = goal;
-        }
-        self.view = view;
-        self.warn_of_cut_off_goal(screen, link);
-    }
-
     /// Warns if no path leads from the walking agent to the goal, once per goal and map.
-    fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
+    pub fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
         let view = &self.view;
-        let no_path = view.goal.1 == link.goal_request && view.walk.shortest.is_none();
+        let no_path = view.goal.1 == link.goal_request && view.reach.shortest.is_none();
         let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
             *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
         };
@@ -280,9 +189,117 @@ impl MazeState {
             screen.notify("no path leads from @ to G: walls separate them");
         }
     }
+
+    pub fn on_click(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
+        self.hovered = None;
+        screen.explains = false;
+        if self.goal != cell {
+            self.set_goal_by_click(cell, screen, link);
+        }
+    }
+
+    pub fn drag_map(&mut self, from: Position, to: Position, layout: &ScreenLayout) {
+        let Some(scale) = layout.map.as_ref().map(MapFrame::scale) else { return };
+        let moved = |from: u16, to: u16| f32::from(from) - f32::from(to);
+        self.pan_by([moved(from.x, to.x) / scale, 2.0 * moved(from.y, to.y) / scale], layout);
+        self.dragged_from = Some(to);
+    }
+
+    /// Shows the part of the map clicked on the minimap; returns whether it was clicked.
+    pub fn is_on_minimap(
+        &mut self,
+        kind: MouseEventKind,
+        at: Position,
+        layout: &ScreenLayout,
+    ) -> bool {
+        let Some(minimap) = layout.minimap.as_ref().filter(|minimap| minimap.area.contains(at))
+        else {
+            return false;
+        };
+        if matches!(
+            kind,
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
+        ) {
+            self.viewport.centre = minimap.middle_of(at);
+            self.clamp_viewport(layout);
+            return true;
+        }
+        false
+    }
+
+    /// Describes the cell under the mouse, unless a cursor is shown.
+    pub fn hover(&mut self, cell: Option<Cell>, link: &Link) {
+        if self.hovered != cell {
+            self.hovered = cell;
+            if self.inspecting.is_none() {
+                link.request(Request::Inspect(cell));
+            }
+        }
+    }
+
+    /// Magnifies the map by a factor, keeping the place under `at` (by default the cursor or the
+    /// goal) fixed; 0 shows the whole map.
+    pub fn zoom(&mut self, by: f32, at: Option<Position>, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let cursor = self.inspecting.or(self.editor.cursor).unwrap_or(self.goal).centre();
+        let fixed = at.map_or(cursor, |at| frame.middle_of(at));
+        let at = at.or(frame.character_of(fixed));
+        let most = (self.map.width().max(self.map.height()) as f32 / MIN_VISIBLE_CELLS).max(1.0);
+        let zoom = (self.viewport.zoom * by).clamp(1.0, most);
+        if zoom < 1.01 {
+            self.viewport = Viewport::default();
+            return;
+        }
+        // A character is twice as high as wide.
+        let scale = frame.scale() * zoom / self.viewport.zoom;
+        let pane = layout.map_pane;
+        let off = at.map_or([0.0; 2], |at| {
+            let from_middle = |at: u16, from: u16, size: u16| {
+                f32::from(at) + 0.5 - f32::from(from) - f32::from(size) / 2.0
+            };
+            let down = from_middle(at.y, pane.y, pane.height.saturating_sub(1));
+            [from_middle(at.x, pane.x, pane.width) / scale, 2.0 * down / scale]
+        });
+        self.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
+    }
+
+    pub fn pan(&mut self, dx: isize, dy: isize, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let [_, _, width, height] = frame.raster.window;
+        self.pan_by([PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32], layout);
+    }
+
+    fn pan_by(&mut self, [across, down]: [f32; 2], layout: &ScreenLayout) {
+        self.viewport.centre[0] += across;
+        self.viewport.centre[1] += down;
+        self.clamp_viewport(layout);
+    }
+
+    /// Keeps the visible part within the map, so that panning back takes effect at once.
+    fn clamp_viewport(&mut self, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let [_, _, width, height] = frame.raster.window;
+        let within = |middle: f32, shown: f32, all: f32| {
+            middle.min(all - shown / 2.0).max((shown / 2.0).min(all / 2.0))
+        };
+        let [x, y] = self.viewport.centre;
+        let (all_x, all_y) = (self.map.width() as f32, self.map.height() as f32);
+        self.viewport.centre =
+            [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
+    }
+
+    /// Moves the visible part, if necessary, to show the cursor or else the goal.
+    pub fn scroll_into_view(&mut self, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let at = self.editor.cursor.or(self.inspecting).unwrap_or(self.goal).centre();
+        let [left, top, width, height] = frame.raster.window;
+        let inside = at[0] >= left && at[1] >= top && at[0] < left + width && at[1] < top + height;
+        if self.viewport.zoom > 1.0 && !inside {
+            self.viewport.centre = at;
+        }
+    }
 }
 
-/// Says that what was clicked is a wall, and where `mark` is instead.
 fn say_wall(clicked: Cell, mark: char, at: Cell, screen: &mut Screen) {
     let wall = format!("{},{} is a wall", clicked.x, clicked.y);
     screen.notify(&format!("{wall}: {mark} is at the nearest free cell, {},{}", at.x, at.y));
@@ -291,5 +308,10 @@ fn say_wall(clicked: Cell, mark: char, at: Cell, screen: &mut Screen) {
 /// Puts the walking agent at a cell, or at a random place.
 pub fn place_walker(cell: Option<Cell>, screen: &mut Screen, link: &Link) {
     link.return_to_present(screen);
-    link.request(Request::Start(cell));
+    link.request(Request::Start(cell.map(|cell| cell.centre().to_vec())));
+}
+
+pub fn nearest_within(area: Rect, at: Position) -> Position {
+    let within = |at: u16, from: u16, size: u16| at.clamp(from, from + size.saturating_sub(1));
+    Position::new(within(at.x, area.x, area.width), within(at.y, area.y, area.height))
 }

@@ -1,7 +1,7 @@
 //! Editing the map: tools for mouse and keyboard, undo and redo.
 
 use std::borrow::Cow;
-use std::collections::{HashSet, VecDeque};
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use ratatui::layout::Position;
@@ -14,86 +14,58 @@ use gdg::map::{Cell, Grid};
 const MAX_CELLS: usize = 256 << 20;
 
 /// The editor's state. Strokes exist only while it is open; undo and redo outlast closing it.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct Editor {
     /// Where the keyboard draws; `None` while the editor is closed.
     pub cursor: Option<Cell>,
     pub tool: Tool,
-    /// Whether the map has been changed since the editor was opened.
-    pub has_changed: bool,
     stroke: Option<Stroke>,
-    /// The maps before each edit, and after each that was undone; the nearest last.
-    back: VecDeque<Arc<Grid>>,
-    forward: Vec<Arc<Grid>>,
-    /// Whether old edits have been dropped, and whether the user has been told.
-    pub has_dropped: bool,
-    /// What leads to the map that was returned last.
-    offered: Option<Edit>,
-    says_dropped: bool,
-}
-
-/// How one map becomes another.
-#[derive(Clone, Copy)]
-enum Edit {
-    New,
-    Undo,
-    Redo,
+    /// The map before the first edit, and after each; those after `shown` have been undone.
+    history: Vec<Arc<Grid>>,
+    shown: usize,
 }
 
 /// An unfinished stroke: the mouse button is still down, or the second of two key presses is still
 /// to come.
+#[derive(Clone)]
 struct Stroke {
     free: bool,
     /// Cells drawn freehand, each once.
     cells: Vec<Cell>,
-    /// Whether each cell of the map is among them; empty until the first is.
-    is_drawn: Vec<bool>,
+    known: HashSet<Cell>,
     from: Cell,
     to: Cell,
-    /// The first and the last position of the mouse; `None` for a stroke by keyboard.
-    at: Option<[Position; 2]>,
+    /// The last position of the mouse; `None` for a stroke by keyboard.
+    at: Option<Position>,
 }
 
 impl Stroke {
     fn at(cell: Cell, free: bool) -> Self {
-        Self { free, cells: Vec::new(), is_drawn: Vec::new(), from: cell, to: cell, at: None }
+        Self { free, cells: Vec::new(), known: HashSet::new(), from: cell, to: cell, at: None }
     }
 
-    fn add(&mut self, cells: impl IntoIterator<Item = Cell>, map: &Grid) {
-        self.is_drawn.resize(map.free().len(), false);
-        let Self { cells: drawn, is_drawn, .. } = self;
-        drawn.extend(
-            cells
-                .into_iter()
-                .filter(|cell| !std::mem::replace(&mut is_drawn[map.index(*cell)], true)),
-        );
+    fn add(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        let known = &mut self.known;
+        self.cells.extend(cells.into_iter().filter(|cell| known.insert(*cell)));
     }
 }
 
 impl Editor {
     /// Returns an editor that looks the same, without edits to undo.
     pub fn shown(&self) -> Self {
-        let stroke = self.stroke.as_ref().map(|stroke| Stroke {
-            cells: stroke.cells.clone(),
-            is_drawn: Vec::new(),
-            ..*stroke
-        });
-        let Self { cursor, tool, has_changed, .. } = *self;
-        Self { cursor, tool, has_changed, stroke, ..Self::default() }
+        Self { history: Vec::new(), shown: 0, ..self.clone() }
     }
 
     pub fn is_open(&self) -> bool {
         self.cursor.is_some()
     }
 
-    /// Selects a tool and discards any unfinished stroke.
     pub fn select_tool(&mut self, tool: Tool) {
         (self.tool, self.stroke) = (tool, None);
     }
 
-    /// Closes the editor and discards any unfinished stroke.
     pub fn close(&mut self) {
-        (self.cursor, self.stroke, self.has_changed) = (None, None, false);
+        (self.cursor, self.stroke) = (None, None);
     }
 
     /// Forgets all edits, because the map was replaced.
@@ -124,16 +96,8 @@ impl Editor {
         let Some(cell) = frame.cell_at(to, map) else { return };
         let free = second || self.tool == Tool::Eraser;
         let stroke = self.stroke.get_or_insert_with(|| Stroke::at(cell, free));
-        let [begun, from] = stroke.at.unwrap_or([to; 2]);
-        stroke.at = Some([begun, to]);
-        if let (Tool::Line | Tool::Rectangle, Some(first)) = (self.tool, frame.cell_at(begun, map))
-        {
-            // Include every cell that the characters at both ends show.
-            stroke.from = outermost(first, &frame.cells_at(begun, map), cell);
-            stroke.to = outermost(cell, &frame.cells_at(to, map), first);
-        } else {
-            stroke.to = cell;
-        }
+        let from = stroke.at.replace(to).unwrap_or(to);
+        stroke.to = cell;
         if !matches!(self.tool, Tool::Pencil | Tool::Eraser) {
             return;
         }
@@ -143,7 +107,7 @@ impl Editor {
         let n = i32::from(from.x.abs_diff(to.x).max(from.y.abs_diff(to.y))).max(1);
         for i in 0..=n {
             let at = Position::new(along(from.x, to.x, i, n), along(from.y, to.y, i, n));
-            stroke.add(frame.cells_at(at, map), map);
+            stroke.add(frame.cells_at(at, map));
         }
     }
 
@@ -197,57 +161,31 @@ impl Editor {
             }
             _ => map.with_cells(self.cells_of(stroke).iter().map(|cell| (*cell, stroke.free))),
         };
-        self.offer(map, new?)
+        new.filter(|new| *new != **map).map(Arc::new)
     }
 
-    /// Returns the new map if it differs. The edit can be undone once it is [done](Self::settle).
-    pub fn offer(&mut self, map: &Grid, new: Grid) -> Option<Arc<Grid>> {
-        self.offered = (new != *map).then_some(Edit::New);
-        self.offered.map(|_| Arc::new(new))
+    pub fn undo(&self) -> Option<Arc<Grid>> {
+        self.history.get(self.shown.checked_sub(1)?).cloned()
     }
 
-    /// Returns the map before the latest change.
-    pub fn undo(&mut self) -> Option<Arc<Grid>> {
-        self.offered = self.back.back().map(|_| Edit::Undo);
-        self.back.back().cloned()
+    pub fn redo(&self) -> Option<Arc<Grid>> {
+        self.history.get(self.shown + 1).cloned()
     }
 
-    /// Returns the map before the latest undo.
-    pub fn redo(&mut self) -> Option<Arc<Grid>> {
-        self.offered = self.forward.last().map(|_| Edit::Redo);
-        self.forward.last().cloned()
-    }
-
-    /// Takes note that `before` was replaced by the map returned last, or not: the trainer did not
-    /// take it.
-    pub fn settle(&mut self, before: &Arc<Grid>, is_taken: bool) {
-        let Some(edit) = self.offered.take().filter(|_| is_taken) else { return };
-        self.has_changed = true;
-        match edit {
-            Edit::New => self.forward.clear(),
-            Edit::Undo => drop(self.back.pop_back()),
-            Edit::Redo => drop(self.forward.pop()),
+    /// Takes note that `map` has replaced `before`. The oldest edits go if maps take much memory.
+    pub fn settle(&mut self, before: &Arc<Grid>, map: &Arc<Grid>) {
+        if let Some(known) = self.history.iter().position(|own| Arc::ptr_eq(own, map)) {
+            self.shown = known;
+            return;
         }
-        if matches!(edit, Edit::Undo) {
-            return self.forward.push(before.clone());
+        self.history.truncate(self.shown + 1);
+        if self.history.is_empty() {
+            self.history.push(before.clone());
         }
-        self.back.push_back(before.clone());
-        self.drop_oldest(MAX_CELLS);
-    }
-
-    /// Drops the oldest edits until their maps have at most so many cells; one is always kept.
-    fn drop_oldest(&mut self, most: usize) {
-        let cells = |map: &Arc<Grid>| map.free().len();
-        let mut all: usize = self.back.iter().chain(&self.forward).map(cells).sum();
-        while all > most && self.back.len() > 1 {
-            all -= self.back.pop_front().as_ref().map_or(0, cells);
-            self.has_dropped = true;
-        }
-    }
-
-    /// Returns whether edits have been dropped, `true` only once.
-    pub fn drops_first_edits(&mut self) -> bool {
-        self.has_dropped && !std::mem::replace(&mut self.says_dropped, true)
+        self.history.push(map.clone());
+        let most = (MAX_CELLS / map.free().len()).max(2);
+        self.history.drain(..self.history.len().saturating_sub(most));
+        self.shown = self.history.len() - 1;
     }
 }
 
@@ -273,15 +211,6 @@ fn with_mark_moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
         None => marks.push(to),
     }
     marks
-}
-
-/// Returns the cell in the row or column of `cell` that is farthest from `other` among `shown`,
-/// along the longer axis.
-fn outermost(cell: Cell, shown: &[Cell], other: Cell) -> Cell {
-    let [dx, dy] = [cell.x.abs_diff(other.x), cell.y.abs_diff(other.y)];
-    let same_line = |c: &&Cell| if dx > dy { c.y == cell.y } else { c.x == cell.x };
-    let far = |c: &&Cell| if dx > dy { c.x.abs_diff(other.x) } else { c.y.abs_diff(other.y) };
-    shown.iter().filter(|_| dx + dy > 0).filter(same_line).max_by_key(far).copied().unwrap_or(cell)
 }
 
 /// Returns the cells on a straight line, each adjacent to the one before.
@@ -335,7 +264,7 @@ mod tests {
         for (x, y) in cells {
             editor.cursor = Some(Cell::new(x, y));
             if let Some(new) = editor.apply(&now) {
-                editor.settle(&now, true);
+                editor.settle(&now, &new);
                 now = new;
             }
         }
@@ -371,35 +300,32 @@ mod tests {
         let map = Grid::empty("large", 2048, 1024);
         let mut stroke = Stroke::at(Cell::new(0, 0), false);
         // Like a mouse that moves back and forth: quadratic work would take hours.
-        (0..4).for_each(|_| stroke.add(map.free_cells(), &map));
+        (0..4).for_each(|_| stroke.add(map.free_cells()));
         assert_eq!(stroke.cells.len(), 2048 * 1024);
         assert!(stroke.cells.iter().copied().eq(map.free_cells()));
     }
 
     #[test]
-    fn every_edit_can_be_undone_and_redone_but_not_without_end() {
-        let mut editor = Editor::default();
-        let mut now = Arc::new(Grid::empty("map", 1, 10));
-        for width in 2..30 {
-            let new = editor.offer(&now, Grid::empty("map", width, 10)).expect("an edit");
-            editor.settle(&now, true);
+    fn edits_can_be_undone_and_redone() {
+        let map = |width| Arc::new(Grid::empty("map", width, 2));
+        let (mut editor, mut now) = (Editor::default(), map(1));
+        for width in [2, 3, 4] {
+            let new = map(width);
+            editor.settle(&now, &new);
             now = new;
         }
-        assert!(!editor.drops_first_edits());
-        editor.drop_oldest(2_000);
-        assert!(editor.drops_first_edits() && !editor.drops_first_edits());
-        assert!(editor.offer(&now, (*now).clone()).is_none(), "nothing has changed");
-        let mut undone = 0;
-        while let Some(before) = editor.undo() {
-            editor.settle(&now, true);
-            assert_eq!(before.width() + 1, now.width());
-            (now, undone) = (before, undone + 1);
-        }
-        assert_eq!(undone, 8, "those with 2,000 cells");
+        let mut undo = |editor: &mut Editor| {
+            let before = editor.undo().expect("an edit");
+            editor.settle(&now, &before);
+            now = before.clone();
+            before.width()
+        };
+        assert_eq!([undo(&mut editor), undo(&mut editor)], [3, 2]);
         let after = editor.redo().expect("an edit");
-        editor.settle(&now, false);
-        assert_eq!(editor.redo().expect("still one").width(), after.width());
-        editor.settle(&now, true);
-        assert_eq!(after.width(), now.width() + 1);
+        assert_eq!(after.width(), 3);
+        editor.settle(&now, &after);
+        // Another edit takes the place of those that were undone.
+        editor.settle(&after, &map(64));
+        assert!(editor.redo().is_none() && editor.history.len() == 4);
     }
 }

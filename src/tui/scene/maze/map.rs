@@ -17,18 +17,14 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::marker::Marker;
 use crate::tui::raster::{MapFrame, Viewport};
+use crate::tui::scene::SceneKind;
 use crate::tui::scene::ground::{self, Colours, Kind, Look};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, Painter};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{Theme, ThemeName, blend, ink};
 use gdg::draw::{Ground, Raster, positions_along};
 use gdg::map::{Cell, Grid};
-use gdg::viewer::Field;
-use gdg::viewer::maze::{Exploration, Knowledge, film_goal};
-
-/// Minimum characters per cell for drawing bridge candidates, and for drawing them in sizes.
-const MIN_BRIDGE_SCALE: f32 = 0.75;
-const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
+use gdg::viewer::{Exploration, Field, Knowledge, cell_of_goal};
 
 /// Share of the wall colour in a pixel that a wall crosses: as characters, and in pictures at least.
 const CROSSED_WALL_SHARE: f32 = 0.65;
@@ -49,8 +45,7 @@ const AGENT_RADII: [f32; 2] = [0.12, 0.22];
 const GROUND_REST_FACTOR: u32 = 100;
 const LONGEST_GROUND_REST: Duration = Duration::from_secs(2);
 
-/// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's
-/// width and height.
+/// Maximum columns and rows of the minimap, and maximum share of the pane's, as a divisor.
 const MAX_MINIMAP: (u16, u16) = (24, 10);
 const PANE_DIVISOR: u16 = 3;
 
@@ -81,21 +76,19 @@ impl Cache {
     }
 }
 
-/// What map and field are drawn from.
 struct Key {
     frame: MapFrame,
     character: Option<(u16, u16)>,
     theme: ThemeName,
     overlays: Overlays,
     map: Arc<Grid>,
-    field: Option<Arc<Vec<f32>>>,
-    directions: Arc<Vec<([f32; 2], [f32; 2])>>,
+    field: Option<Arc<Vec<Vec<f32>>>>,
     exploration: Arc<Exploration>,
     cut_off: Arc<Vec<bool>>,
     farthest: f32,
     least_contour_interval: f32,
     /// The goal, the quantity, and the updates of the film's frame.
-    subject: ((Option<Cell>, u64), Field, Option<u64>),
+    subject: ((Option<Vec<f32>>, u64), Field, Option<u64>),
 }
 
 impl Key {
@@ -106,21 +99,20 @@ impl Key {
         screen: &Screen,
     ) -> Self {
         let view = &maze.view;
-        let is_computed =
-            view.raster == Some(frame.raster) && (view.past.is_some() || view.kind == screen.field);
+        let is_computed = view.field().is_some_and(|(_, raster)| raster == frame.raster)
+            && (view.past.is_some() || view.kind == screen.field);
         Self {
             frame: frame.clone(),
             character,
             theme: screen.theme.name,
             overlays: screen.overlays,
             map: maze.map.clone(),
-            field: is_computed.then(|| view.field.clone()),
-            directions: view.directions.clone(),
+            field: is_computed.then(|| view.fields.clone()),
             exploration: view.exploration.clone(),
             cut_off: view.cut_off.clone(),
             farthest: maze.farthest(screen),
             least_contour_interval: screen.least_contour_interval,
-            subject: (view.goal, view.kind, view.past.as_ref().map(|past| past.updates)),
+            subject: (view.goal.clone(), view.kind, view.past.as_ref().map(|past| past.updates)),
         }
     }
 
@@ -133,13 +125,11 @@ impl Key {
         (self.theme, self.overlays) == (other.theme, other.overlays) && self.same_place(other)
     }
 
-    /// Returns whether nothing differs.
     fn is(&self, other: &Self) -> bool {
         let pointer = |key: &Self| key.field.as_ref().map(Arc::as_ptr);
         let numbers = |key: &Self| [key.farthest, key.least_contour_interval].map(f32::to_bits);
         self.same_style(other)
             && pointer(self) == pointer(other)
-            && Arc::ptr_eq(&self.directions, &other.directions)
             && Arc::ptr_eq(&self.exploration, &other.exploration)
             && Arc::ptr_eq(&self.cut_off, &other.cut_off)
             && numbers(self) == numbers(other)
@@ -161,7 +151,6 @@ struct Base {
     rests_until: Instant,
 }
 
-/// Draws the map and everything on it.
 pub fn draw(
     frame: &mut Frame,
     pane: Rect,
@@ -222,12 +211,6 @@ fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
     own.map(|own| own.max(screen.least_contour_interval))
 }
 
-/// Returns the goal that distances are shown to.
-pub fn shown_goal(maze: &MazeState) -> Cell {
-    let past = maze.past().and_then(|frame| film_goal(frame, &maze.map));
-    past.unwrap_or(maze.goal)
-}
-
 impl Base {
     /// Draws map and field, with contour lines at the same interval as `before` if possible.
     fn new(key: Key, before: Option<Self>, maze: &MazeState, screen: &Screen) -> Self {
@@ -243,7 +226,7 @@ impl Base {
         let known = Known::new(maze, screen);
         draw_ground(&mut canvas, &key, &grounds, &known, &theme);
         let shows_contours = known.field.is_distance() && screen.overlays.has(Overlay::Contours);
-        let field = key.field.as_deref().filter(|_| shows_contours);
+        let field = key.field.as_deref().filter(|_| shows_contours).map(|fields| &fields[0]);
         let own_interval = field.and_then(|field| {
             // Not at walls within pixels, which lines would follow as distances jump there, and
             // not where values mean nothing.
@@ -256,15 +239,10 @@ impl Base {
             let open: Vec<f32> = field.iter().zip(&grounds).map(open).collect();
             let own = contours::interval(&[(&open, columns)], is_fine, interval);
             if let Some(interval) = shown_interval(own, screen) {
-                let near = canvas.pixel(shown_goal(maze).centre());
-                let labels = contours::draw(&mut canvas, (&open, columns), interval, near, &theme);
-                labels.iter().for_each(|label| canvas.label(label));
+                contours::draw(&mut canvas, (&open, columns), interval, &theme);
             }
             own
         });
-        if screen.overlays.has(Overlay::Directions) && maze.past().is_none() {
-            maze.view.directions.iter().for_each(|(at, way)| canvas.arrow(*at, *way));
-        }
         let mut painted = Buffer::default();
         if !is_fine {
             painted = Buffer::empty(key.frame.area);
@@ -276,12 +254,16 @@ impl Base {
     }
 }
 
+/// Returns the cell of the goal that distances are shown to.
+fn shown_cell(maze: &MazeState) -> Cell {
+    maze.past().and_then(|frame| cell_of_goal(&frame.goal, &maze.map)).unwrap_or(maze.goal)
+}
+
 /// What is known of the cells.
 struct Known<'a> {
     maze: &'a MazeState,
     field: Field,
-    /// What has been explored, if not everything has and that is shown; not of the past, as films
-    /// do not record it.
+    /// What has been explored, if not everything has and that is shown; films do not record it.
     exploration: Option<&'a Exploration>,
     /// The cells from which no path leads to the goal, if colours show distances to it.
     cut_off: &'a [bool],
@@ -305,14 +287,12 @@ impl<'a> Known<'a> {
         self.exploration.map(|exploration| exploration.at(at))
     }
 
-    /// Returns what is known at a free position.
     fn kind(&self, at: [f32; 2]) -> Kind {
         let cell = Cell::new(at[0] as usize, at[1] as usize);
         if self.cut_off.get(self.maze.map.index(cell)) == Some(&true) {
             return Kind::CutOff;
         }
         match self.knowledge(at) {
-            Some(Knowledge::Pocket) if self.field.fades() => Kind::Pocket,
             Some(Knowledge::Beyond) if self.field.fades() => Kind::Beyond,
             _ => Kind::Plain,
         }
@@ -327,12 +307,11 @@ impl<'a> Known<'a> {
     }
 }
 
-/// Draws the values, the walls and what is unexplored.
 fn draw_ground(canvas: &mut Canvas, key: &Key, grounds: &[Ground], known: &Known, theme: &Theme) {
     let (map, raster, is_fine) = (&known.maze.map, canvas.raster, canvas.is_fine);
     let (columns, several) = (raster.pixels.0, raster.cells_per_pixel() > 1.0);
     let colours = Colours { theme, field: known.field, farthest: key.farthest };
-    let field = key.field.as_deref().map(|field| (&**field, key.frame.raster.pixels.0));
+    let field = key.field.as_deref().map(|fields| (&*fields[0], key.frame.raster.pixels.0));
     let [across, down] = spans(&raster);
     let mut before = None;
     let coarse = |y: usize, looks: &mut [Look]| {
@@ -382,8 +361,7 @@ fn coarse_look(ground: Ground, free: impl Fn([f32; 2]) -> Look) -> Look {
     }
 }
 
-/// Returns the look of a pixel that shows the cells in these columns and rows (first, end): the
-/// more of them are wall, the darker.
+/// Returns the look of the cells in these columns and rows (first, end): the more wall, the darker.
 fn block_look(xs: (usize, usize), ys: (usize, usize), known: &Known, several: bool) -> Look {
     let map = &known.maze.map;
     if xs.0 >= map.width() || ys.0 >= map.height() {
@@ -416,8 +394,7 @@ fn spans(raster: &Raster) -> [Vec<(usize, usize)>; 2] {
     })
 }
 
-/// Draws what changes from frame to frame, the most important last: of the past, only the agents
-/// and the goal.
+/// Draws what changes from frame to frame, the most important last.
 fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     let (raster, map, view) = (canvas.raster, &maze.map, &maze.view);
     let is_fine = canvas.is_fine;
@@ -428,8 +405,7 @@ fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
         _ => None,
     };
     let theme = if canvas.is_fine { screen.theme.in_full_colour() } else { screen.theme };
-    let (map_frame, past) = (canvas.frame.clone(), maze.past());
-    let scale = map_frame.scale();
+    let past = maze.past();
     let [least, most] = AGENT_RADII;
     let radius = canvas.heights(AGENT_RADIUS).clamp(least, most);
     let mut painter =
@@ -437,26 +413,20 @@ fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     if past.is_none() {
         let near = maze.inspecting.or(maze.hovered).unwrap_or(maze.goal).centre();
         painter.edges(&view.graph, near, false);
-        if painter.canvas.is_fine || scale >= MIN_BRIDGE_SCALE {
-            // A sign would leave a hole in a wall that shares its character.
-            let is_open = |at: [f32; 2]| {
-                let cells = map_frame.character_of(at).map(|at| map_frame.cells_at(at, map));
-                cells.is_some_and(|cells| cells.into_iter().all(|cell| map.is_free(cell)))
-            };
-            let signs: Option<&dyn Fn([f32; 2]) -> bool> = Some(&is_open);
-            painter.candidates(&view.graph, signs.filter(|_| scale >= MIN_SIZED_CANDIDATE_SCALE));
-        }
+        painter.candidates(&view.graph);
         let floored = |places: &[[f32; 2]]| -> Vec<[f32; 2]> {
             places.iter().map(|at| on_floor(*at)).collect()
         };
+        let way = maze.way();
         if is_fine {
-            painter.plan(&view.way, &view.path[..view.path.len().saturating_sub(1)]);
+            let stops = painter.places(&view.reach.path);
+            painter.plan(&way, &stops[..stops.len().saturating_sub(1)]);
         } else {
-            painter.plan(&floored(&samples(&view.way, &raster)), &[]);
+            painter.plan(&floored(&samples(&way, &raster)), &[]);
         }
         painter.search();
         draw_preview(&mut painter, maze);
-        painter.own_trail(&floored(&view.trail), LONGEST_STEP);
+        painter.own_trail(&painter.places(&view.reach.trail), LONGEST_STEP);
     }
     painter.explorers(past, LONGEST_STEP, radius);
     draw_signs(&mut painter, maze);
@@ -493,19 +463,18 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
     }
     if painter.shows(Overlay::Agents) && !is_past {
         for at in screen.snapshot.frontier_goals.chunks_exact(2).filter_map(painter.place) {
-            painter.canvas.flag(at, FRONTIER_SIGN, theme.frontier);
+            painter.canvas.mark(at, FRONTIER_SIGN, theme.frontier);
         }
     }
     if !is_past {
-        painter.followed();
-        painter.letter((painter.place)(&maze.view.walk.start), 'S', theme.walker, 0.36);
+        painter.letter((painter.place)(&maze.view.reach.start), 'S', theme.walker, 0.36);
     }
-    painter.canvas.letter(shown_goal(maze).centre(), 'G', theme.goal, 0.45);
-    if let Some(at) = maze.view.trail.last().filter(|_| !is_past) {
-        painter.letter((painter.place)(at), '@', theme.walker, 0.42);
+    painter.canvas.letter(shown_cell(maze).centre(), 'G', theme.goal, 0.45);
+    if !is_past {
+        painter.letter((painter.place)(&maze.view.reach.at), '@', theme.walker, 0.42);
     }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
-        painter.canvas.cursor(cursor.centre(), theme.cursor);
+        painter.canvas.letter(cursor.centre(), '+', theme.cursor, 0.36);
     }
 }
 
@@ -537,7 +506,7 @@ fn draw_minimap(
         (area.right().saturating_sub(width), area.bottom().saturating_sub(height));
     let corners = [(right, area.y), (area.x, area.y), (right, bottom), (area.x, bottom)];
     let corners = corners.map(|(x, y)| Rect { x, y, width, height });
-    let seen = [Some(shown_goal(maze)), maze.inspecting, maze.editor.cursor].into_iter().flatten();
+    let seen = [Some(shown_cell(maze)), maze.inspecting, maze.editor.cursor].into_iter().flatten();
     let seen: Vec<Position> = seen.filter_map(|cell| shown.character_of(cell.centre())).collect();
     let outer = corners
         .into_iter()

@@ -1,7 +1,7 @@
-//! Draws planes in a space of goals, and an arm; the legend, and the pane about the followed agent.
+//! Draws planes in a space of goals, and an arm; the legend.
 
 use ratatui::Frame;
-use ratatui::layout::{Constraint, Direction, Layout, Rect};
+use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::Line;
 
 use super::{SpaceState, space};
@@ -10,28 +10,23 @@ use crate::tui::contours;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::projection::{Angle, Projection, arrange};
+use crate::tui::scene::SceneKind;
 use crate::tui::scene::ground::{self, Colours, Look};
-use crate::tui::scene::legend::{
-    self, SHORT_BAR_WIDTH, contour_text, draw_scale, edge_lines, overlay_lines, sign,
-};
+use crate::tui::scene::legend::{contour_text, draw_scale, edge_lines, sign};
 use crate::tui::scene::overlays::Painter;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, REVERSED};
-use crate::tui::text::{fact, heading};
+use crate::tui::text::heading;
 use crate::tui::theme::{ColourDepth, blend};
 use gdg::env::fetch_reach::{Corners, Pose};
-use gdg::env::{ArmScene, GoalSpace, Rendering, Scene};
+use gdg::env::{ArmScene, GoalSpace, Scene};
 
 /// Radii in metres: links (as the arm collides), joints and fingers.
 const LINK_RADIUS: f32 = 0.026;
 const JOINT_RADIUS: f32 = 0.016;
 const FINGER_RADIUS: f32 = 0.007;
 
-/// Corners of the outline of a goal.
 const CORNERS: usize = 120;
-
-/// The most components of goals that are listed.
-const MOST_COMPONENTS: usize = 8;
 
 /// Draws the space into the first area, and the line below it into the second.
 pub fn draw(
@@ -47,15 +42,6 @@ pub fn draw(
         Scene::Goals(space) => {
             let parts = Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]);
             let [name, area] = parts.areas(area);
-            let area = if state.has_picture {
-                let is_wide = area.width > 2 * area.height;
-                let direction = if is_wide { Direction::Horizontal } else { Direction::Vertical };
-                let [area, beside] = Layout::new(direction, [Constraint::Fill(1); 2]).areas(area);
-                layout.picture = draw_picture(frame, beside, state, screen);
-                area
-            } else {
-                area
-            };
             let (spec, count) = (space.spec(), space.spec().goal_dim());
             let axes = state.axes(count);
             let ranges = axes.map(|axis| state.range(axis, space));
@@ -76,10 +62,9 @@ pub fn draw(
         frame.render_widget(title, name);
     }
     let texts = [contour_text(screen, layout), String::new()];
-    draw_scale(frame, info, |bar| state.scale(screen, bar), &texts);
+    draw_scale(frame, info, state, screen, &texts);
 }
 
-/// Returns whether the viewer has computed the fields to be shown.
 fn shows_field(state: &SpaceState, screen: &Screen) -> bool {
     state.past().is_some() || state.view.kind == screen.field
 }
@@ -95,8 +80,6 @@ fn contour_interval(state: &SpaceState, screen: &Screen) -> Option<f32> {
     contours::interval(&fields, false, None).filter(|_| shown)
 }
 
-/// Draws one projection of `layout`; the name of an arm's is highlighted if it is the chosen one of
-/// several.
 fn draw_projection(
     frame: &mut Frame,
     projection: &Projection,
@@ -119,13 +102,13 @@ fn draw_projection(
     let canvas = Canvas::new(&projection.frame, None);
     let mut painter = Painter { canvas, screen, theme, place: &place, state: &at_state, sizes };
     draw_field(&mut painter, projection, state, layout);
-    let (past, goal) = (state.past(), place(state.shown_goal()));
+    let (past, goal) = (state.past(), place(&state.shown_goal()));
     if let Scene::Arm(arm) = scene {
         draw_surroundings(&mut painter, *arm);
     }
     if past.is_none() {
         painter.edges(&view.graph, goal.unwrap_or_default(), true);
-        painter.candidates(&view.graph, None);
+        painter.candidates(&view.graph);
         painter.search();
     }
     painter.explorers(past, f32::INFINITY, 0.0);
@@ -133,7 +116,7 @@ fn draw_projection(
     if past.is_none() {
         if reach.path.len() > 1 {
             let stops = painter.places(&reach.path);
-            let way = painter.places([&reach.at].into_iter().chain(&reach.path));
+            let way = painter.places(&reach.way);
             painter.plan(&way, &stops[..stops.len().saturating_sub(1)]);
         }
         painter.own_trail(
@@ -143,7 +126,6 @@ fn draw_projection(
         if let Some(pose) = &view.pose {
             draw_skeleton(&mut painter, pose);
         }
-        painter.followed();
     }
     let radius = match scene {
         Scene::Arm(arm) => arm.goal_radius(),
@@ -190,8 +172,6 @@ fn angle_title(angle: Angle, state: &SpaceState) -> String {
     }
 }
 
-/// Returns the names of the components and the range that is shown, and the values of the goal's
-/// other components.
 fn slice_title(
     shown: &Projection,
     [across, up]: [usize; 2],
@@ -234,13 +214,7 @@ fn draw_field(
     };
     ground::draw(&mut painter.canvas, field, &colours, looks, |_, _| false);
     if let (Some(field), Some(interval)) = (field, layout.contour_interval) {
-        let goal = (painter.place)(state.shown_goal()).unwrap_or_default();
-        let near = painter.canvas.pixel(goal);
-        let labels = contours::draw(&mut painter.canvas, field, interval, near, &theme);
-        // The first row has the name of an arm's projection.
-        let is_below = |y: u16| projection.angle.is_none() || y > projection.frame.area.y;
-        let shown = labels.iter().filter(|label| is_below(label.area.y));
-        shown.for_each(|label| painter.canvas.label(label));
+        contours::draw(&mut painter.canvas, field, interval, &theme);
     }
 }
 
@@ -251,7 +225,6 @@ fn draw_box(painter: &mut Painter, corners: Corners, ink: Ink) {
     painter.canvas.lines(edges, 0.0, ink);
 }
 
-/// Draws the edges of an arm's table and of the region of goals.
 fn draw_surroundings(painter: &mut Painter, arm: ArmScene) {
     let theme = painter.theme;
     let table = Ink::new(blend(theme.wall, theme.cursor, 0.3), 1.0, '=');
@@ -278,43 +251,9 @@ fn draw_skeleton(painter: &mut Painter, pose: &Pose) {
     pose.fingers.iter().for_each(|ends| rod(*ends, FINGER_RADIUS, finger));
 }
 
-/// Draws the latest picture that the world has rendered of itself; returns the width and height in
-/// pixels that a picture may have here.
-fn draw_picture(
-    frame: &mut Frame,
-    area: Rect,
-    state: &SpaceState,
-    screen: &Screen,
-) -> Option<(usize, usize)> {
-    let fit = |ranges, to_scale| {
-        Projection::of_components(area, ([0, 1], 2), ranges, to_scale, screen.marker)
-    };
-    match &state.view.picture {
-        Some(Ok(picture)) => {
-            let (width, height) = picture.size();
-            // Upwards is more, so that the first row is the last.
-            let ranges = [[0.0, width as f32], [-(height as f32), 0.0]];
-            if let Some(shown) = fit(ranges, true) {
-                paint_picture(frame, &shown, picture, screen);
-            }
-        }
-        _ => frame.render_widget("rendering ...", area),
-    }
-    Some(fit([[0.0, 1.0]; 2], false)?.frame.raster.pixels)
-}
-
-fn paint_picture(frame: &mut Frame, shown: &Projection, picture: &Rendering, screen: &Screen) {
-    let mut canvas = Canvas::new(&shown.frame, None);
-    canvas.fill(|at| picture.at(at));
-    canvas.paint(frame.buffer_mut(), &screen.theme);
-}
-
-/// Returns the legend: colours, overlays and signs.
-pub fn legend_lines(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
-    let offers = |action| state.offers(action);
-    let mut lines = overlay_lines(state.scale(screen, SHORT_BAR_WIDTH), offers, screen);
-    lines.push(heading("signs"));
+pub fn legend(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
     let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
+    let mut lines = Vec::new();
     let of_depth = |of_mono: char, other: char| if mono { of_mono } else { other };
     match &screen.snapshot.scene {
         Scene::Arm(_) => {
@@ -342,109 +281,12 @@ pub fn legend_lines(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-/// Returns the lines about the followed agent: the one that reaches for the goal, or an exploring
-/// one.
-pub fn walk_lines(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
-    match (&screen.snapshot.scene, screen.following) {
-        (Scene::Arm(arm), None) => {
-            let reach = &state.view.reach;
-            let mut lines = vec![
-                heading("x, y, z in cm"),
-                fact("from", centimetres(&reach.start)),
-                fact("grip @", centimetres(&reach.at)),
-                fact("to G", centimetres(&state.goal)),
-            ];
-            let most = Some(arm.episode_steps());
-            lines.extend(legend::progress(screen, reach, most, centimetres, format_metres));
-            lines
-        }
-        (Scene::Goals(space), None) => {
-            let reach = &state.view.reach;
-            let mut lines = vec![heading("agent @ \u{2192} goal G")];
-            lines.extend(components(space, &reach.at, &state.goal));
-            if let Some(failure) = &reach.failure {
-                lines.extend(failure.lines().map(|line| Line::from(format!(" {line}"))));
-            }
-            let most = space.episode_steps();
-            lines.extend(legend::progress(screen, reach, most, place, short));
-            lines
-        }
-        (Scene::Maze(_), _) => Vec::new(),
-        (_, Some(_)) => explorer(screen),
-    }
-}
-
-fn explorer(screen: &Screen) -> Vec<Line<'static>> {
-    let Some(followed) = &screen.snapshot.followed else { return legend::no_agent(screen) };
-    let (state, goal) = (&followed.state, &followed.goal);
-    let agent =
-        fact("agent", format!("{} of {}", followed.agent, screen.run().settings.train.agents));
-    let steps = fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1));
-    let mut lines = Vec::new();
-    if let Some(space) = space(screen) {
-        let spec = space.spec();
-        // The agent may be followed since an earlier run.
-        let known = Some(state).filter(|state| state.len() == spec.state_dim());
-        let at: Vec<f32> = known.map_or(Vec::new(), |state| spec.achieved(state).collect());
-        lines.extend([heading("agent A \u{2192} goal \u{2691}"), agent]);
-        lines.extend(components(space, &at, goal));
-        lines.push(steps);
-        lines.extend(legend::pursuit(screen, followed, place, legend::format_steps));
-    } else {
-        let off = state.iter().zip(goal).take(3).map(|(s, g)| (s - g).powi(2));
-        lines.extend([
-            heading("x, y, z in cm"),
-            agent,
-            fact("from", centimetres(&followed.start)),
-            fact("at A", centimetres(state)),
-            fact("goal \u{2691}", centimetres(goal)),
-            steps,
-            fact("left", format_metres(off.sum::<f32>().sqrt())),
-        ]);
-        lines.extend(legend::pursuit(screen, followed, centimetres, legend::format_steps));
-    }
-    lines
-}
-
-/// Formats the position with which a state or goal begins, in centimetres.
-fn centimetres(at: &[f32]) -> String {
-    match at {
-        [x, y, z, ..] => {
-            let [x, y, z] = [x, y, z].map(|metres| 100.0 * metres);
-            format!("{x:.1}, {y:.1}, {z:.1}")
-        }
-        _ => "-".to_owned(),
-    }
-}
-
-fn format_metres(distance: f32) -> String {
-    if distance.is_nan() { "-".to_owned() } else { format!("{:.1} cm", 100.0 * distance) }
-}
-
 /// Formats a value with three significant digits.
-fn short(value: f32) -> String {
+pub fn short(value: f32) -> String {
     let digits = match value.abs() {
         100.0.. => 0,
         10.0.. => 1,
         _ => 2,
     };
     format!("{value:.digits$}")
-}
-
-fn place(at: &[f32]) -> String {
-    let shown: Vec<String> = at.iter().take(3).map(|value| short(*value)).collect();
-    if at.is_empty() { "-".to_owned() } else { shown.join(", ") }
-}
-
-/// Returns a line for each component, with the agent's value and the goal's.
-fn components(space: &GoalSpace, at: &[f32], goal: &[f32]) -> Vec<Line<'static>> {
-    let both = at.iter().zip(goal).enumerate().take(MOST_COMPONENTS);
-    let line = |(i, (at, goal)): (usize, (&f32, &f32))| {
-        fact(&space.name(i), format!("{} \u{2192} {}", short(*at), short(*goal)))
-    };
-    let mut lines: Vec<_> = both.map(line).collect();
-    if at.len() > MOST_COMPONENTS {
-        lines.push(Line::from(format!(" and {} more", at.len() - MOST_COMPONENTS)));
-    }
-    lines
 }

@@ -184,19 +184,6 @@ mod tests {
         let reached = [&many[..], &[(1 + CONFIRMED_SLACK_STEPS, [false, true])]].concat();
         assert_eq!(after(&reached), 1, "about as short: it does lead there");
     }
-
-    #[test]
-    fn what_adds_nothing_is_shared_with_frozen_copies() {
-        let mut paths = Arc::new(KnownPaths::default());
-        for _ in 0..DOUBT_PASSES {
-            KnownPaths::observe(&mut paths, Path::new(3, 2, [true, true]));
-        }
-        let frozen = paths.clone();
-        KnownPaths::observe(&mut paths, Path::new(3, 4, [true, true]));
-        assert!(Arc::ptr_eq(&paths, &frozen));
-        KnownPaths::observe(&mut paths, Path::new(3, 1, [false, false]));
-        assert!(!Arc::ptr_eq(&paths, &frozen) && frozen.to(3).map(Path::steps) == Some(2));
-    }
     #[test]
     fn failures_are_expected_where_hops_of_the_same_length_have_failed_lately() {
         let mut hops = HopOutcomes::default();

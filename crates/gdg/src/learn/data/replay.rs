@@ -40,7 +40,6 @@ pub(crate) struct ReplaySizes {
 }
 
 impl ReplaySizes {
-    /// Returns the sizes in a world with `spec`.
     pub fn of(spec: &Spec) -> Self {
         Self { state: spec.state_dim(), goal: spec.goal_dim(), action: spec.action_dim }
     }
@@ -94,7 +93,6 @@ impl Replay {
         self.written[agent] += 1;
     }
 
-    /// Ends `agent`'s episode in `state`.
     pub(crate) fn end_episode(&mut self, agent: usize, state: &[f32]) {
         let (action, goal) = (vec![0.0; self.sizes.action], vec![0.0; self.sizes.goal]);
         self.push(agent, state, &action, &goal);
@@ -221,12 +219,10 @@ impl Replay {
         (0..self.agents).map(|agent| self.filled(agent)).sum()
     }
 
-    /// Returns the total number of slots.
     pub(crate) fn capacity(&self) -> usize {
         self.agents * self.capacity
     }
 
-    /// Returns whether at least one complete transition is stored.
     pub(crate) fn has_transitions(&self) -> bool {
         self.slots().any(|(_, left)| left > 0)
     }
@@ -243,8 +239,7 @@ impl Replay {
     /// Draws a random moment followed by at least one stored step; returns it with the number of
     /// these steps.
     ///
-    /// # Panics
-    /// Loops forever if the replay holds no transition; check [`Self::has_transitions`] first.
+    /// It loops forever if the replay holds no transition; that of an update holds one.
     pub fn sample(&self, rng: &mut ChaCha8Rng) -> (Moment, usize) {
         loop {
             let moment = self.sample_any(rng);
@@ -349,7 +344,6 @@ impl Replay {
         })
     }
 
-    /// Restores the contents that [`Self::stored`] returned.
     pub(crate) fn restore(&mut self, stored: StoredReplay) -> Result<(), StoreError> {
         let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         let misfit = || StoreError::inconsistent("the stored replay does not fit these settings");

@@ -1,6 +1,4 @@
-//! Losses, targets, and hand-written gradients of critics and model on one part of a batch.
-
-use std::iter::Sum;
+//! Targets, losses and hand-written gradients of critics and model on one part of a batch.
 
 use crate::learn::data::batch::{Batch, RAISE_FACTOR, RAISE_STEPS};
 use crate::learn::networks::encoder::{Pairs, Workspace, resized};
@@ -11,35 +9,6 @@ use crate::learn::networks::returns::Returns;
 use crate::learn::networks::shapes::{Shapes, sigmoid, softplus};
 use crate::learn::settings::LossScale;
 use crate::learn::update::parts::{Buffers, Gradient, Part, Rows, mispredicted};
-
-/// Losses of one update, each a mean over the batch.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Losses {
-    /// Weighted squared error on the chosen scale, averaged over the critics.
-    pub critic: f32,
-    /// |f(s, a) - s'|^2, with each component in units of its change scale.
-    pub model: f32,
-    /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there; 0 in rows
-    /// from which the actor does not learn.
-    pub actor: f32,
-}
-
-impl Losses {
-    /// Returns a loss, unless it is 0: the learner has no such network, or has not updated it yet.
-    pub fn known(loss: f32) -> Option<f32> {
-        (loss != 0.0).then_some(loss)
-    }
-}
-
-impl Sum for Losses {
-    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
-        parts.fold(Self::default(), |sum, part| Self {
-            critic: sum.critic + part.critic,
-            model: sum.model + part.model,
-            actor: sum.actor + part.actor,
-        })
-    }
-}
 
 /// Errors of the dynamics model count linearly beyond this many typical changes: what is typical may
 /// have been seen before an agent had got hold of anything.

@@ -10,7 +10,7 @@ use crate::learn::data::batch::Batch;
 use crate::learn::networks::encoder::{Encoder, Pairs, SharedFeatures};
 use crate::learn::networks::network::{LearningRates, Network, TouchedCorners};
 use crate::learn::networks::shapes::{Shapes, Workspaces};
-use crate::learn::update::losses::Losses;
+use crate::learn::update::report::Losses;
 
 /// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend
 /// on the number of threads and are summed in order, so the results do not depend on it either.

@@ -167,9 +167,7 @@ impl ThreadPool {
         wait_until(|| job.done.load(Ordering::Acquire) >= tasks);
         assert!(!job.panicked.load(Ordering::Relaxed), "a task of the thread pool panicked");
     }
-}
 
-impl ThreadPool {
     /// Calls `work` with each index below `tasks` on data that all threads share; returns when all
     /// calls are done. `job` beats before each.
     ///

@@ -20,12 +20,11 @@ use crate::learn::networks::network::{
 use crate::learn::networks::policy::{Frozen, Nets, Policy, Scratch};
 use crate::learn::networks::shapes::Shapes;
 use crate::learn::settings::LearnSettings;
-use crate::learn::update::losses::Losses;
 use crate::learn::update::parts::{
     Gradient, Half, PAIRS, Part, TRANSITIONS, find_corners, parts_of, step_half,
 };
 use crate::learn::update::pool::ThreadPool;
-use crate::learn::update::profile::{Profile, Stage};
+use crate::learn::update::report::{Losses, Profile, Stage};
 use crate::learn::update::threads::Threads;
 
 /// Networks with all that is needed to train them. The number of threads does not change results.

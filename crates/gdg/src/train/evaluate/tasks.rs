@@ -12,7 +12,6 @@ use crate::learn::Scratch;
 /// How the evaluated agents act.
 #[derive(Clone, Copy)]
 pub struct Actor<'a> {
-    /// The policy, and the graph used for planning.
     pub guide: Guide<'a>,
     /// Mean number of steps a random direction is held, if agents act at random.
     pub hold_steps: Option<f32>,

@@ -4,6 +4,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 use super::{Result, Stream, Trainer, stream};
+use crate::files::FileFacts;
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::{Store, StoreError};
@@ -20,6 +21,9 @@ pub(super) struct Data {
     acts: bool,
     /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
     own_replay: Option<usize>,
+    /// What the file was like when it was read.
+    #[serde(skip)]
+    facts: Option<FileFacts>,
     /// Why no file can be read again.
     #[serde(skip)]
     missing: Option<DataError>,
@@ -53,7 +57,8 @@ impl Trainer {
         self.revisit_everything(&Job::default());
         let source = data.source().clone();
         let own_replay = (removed > 0).then(|| self.replay.capacity());
-        self.data = Some(Data { source, acts: false, own_replay, missing: None });
+        let facts = data.facts;
+        self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
         LeftOut { impossible, by_chance }
     }
 
@@ -139,9 +144,26 @@ impl Trainer {
         }
     }
 
+    /// Says that the file which fills the replay buffer is no longer the one that was read.
+    fn lost_data(&self) -> Option<String> {
+        let Data { source, facts, .. } = self.data.as_ref().filter(|_| self.reads_data())?;
+        let is_lost = facts.is_some() && FileFacts::of(&source.file) != *facts;
+        let file = source.file.display();
+        let said = "has changed or is gone: checkpoints contain the data from now on";
+        is_lost.then(|| format!("warning: {file} {said}"))
+    }
+
+    /// Returns what to tell the user of when a checkpoint is saved.
+    pub fn take_warnings(&self) -> Vec<String> {
+        self.world().take_warnings().into_iter().chain(self.lost_data()).collect()
+    }
+
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
-        store.put(DATA, &self.data)?;
-        if !self.reads_data() {
+        let has_file = self.reads_data() && self.lost_data().is_none();
+        let room = (!has_file).then(|| self.replay.capacity());
+        let data = self.data.clone();
+        store.put(DATA, &data.map(|data| Data { own_replay: data.own_replay.or(room), ..data }))?;
+        if !has_file {
             store.put(REPLAY, &self.replay.stored())?;
         }
         Ok(())
@@ -157,7 +179,7 @@ impl Trainer {
                 match Dataset::reread(&data.source, moved, world, progress) {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
-                        data.source = read.source().clone();
+                        (data.source, data.facts) = (read.source().clone(), read.facts);
                     }
                     Err(error) => data.missing = Some(error),
                 }

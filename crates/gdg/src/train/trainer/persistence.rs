@@ -7,11 +7,13 @@ use serde::{Deserialize, Serialize};
 
 use super::graphs::Graphs;
 use super::{Result, Trainer, new_learner};
+use crate::env::Recorded;
 use crate::job::Job;
 use crate::learn::{Learner, Losses, Threads};
 use crate::settings::Setting;
 use crate::store::{Store, StoreError};
 use crate::train::TrainError;
+use crate::train::dataset::DataSource;
 use crate::train::history::History;
 use crate::train::memory;
 use crate::train::registry::Registry;
@@ -171,6 +173,12 @@ pub struct About {
     pub title: String,
     /// What tells its world apart from others of its title.
     pub fingerprint: Option<String>,
+    /// What it learns from besides acting, or instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub data: Option<DataSource>,
+    /// What tells the tasks of its evaluations apart, if they were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<String>,
     pub run: Run,
     pub updates: u64,
     /// Latest evaluation result, if the run was evaluated before saving.
@@ -202,6 +210,8 @@ impl Trainer {
             world: self.world().kind().to_owned(),
             title: self.world().title().to_owned(),
             fingerprint: self.world().fingerprint(),
+            data: self.data().cloned(),
+            scenario: self.world().abilities().recorded.and_then(Recorded::scenario),
             run: self.run.clone(),
             updates: self.learned_updates(),
             success: self.history.success(),

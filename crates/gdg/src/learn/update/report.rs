@@ -1,6 +1,36 @@
-//! Time spent in each phase of training.
+//! What an update reports: its losses, and the time spent in each phase of training.
 
+use std::iter::Sum;
 use std::time::{Duration, Instant};
+
+/// Losses of one update, each a mean over the batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Weighted squared error on the chosen scale, averaged over the critics.
+    pub critic: f32,
+    /// |f(s, a) - s'|^2, with each component in units of its change scale.
+    pub model: f32,
+    /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there; 0 in rows
+    /// from which the actor does not learn.
+    pub actor: f32,
+}
+
+impl Losses {
+    /// Returns a loss, unless it is 0: the learner has no such network, or has not updated it yet.
+    pub fn known(loss: f32) -> Option<f32> {
+        (loss != 0.0).then_some(loss)
+    }
+}
+
+impl Sum for Losses {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(Self::default(), |sum, part| Self {
+            critic: sum.critic + part.critic,
+            model: sum.model + part.model,
+            actor: sum.actor + part.actor,
+        })
+    }
+}
 
 /// A phase of training that is timed on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
