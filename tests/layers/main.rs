@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 850),
     ("headless", 900),
     ("experiment", 5_100),
-    ("tui", 19_550),
+    ("tui", 19_600),
     ("cli", 650),
     ("commands", 1_000),
 ];

@@ -7,7 +7,6 @@ use crate::tui::graphics::{Graphics, Redraw};
 use crate::tui::lists;
 use crate::tui::session::runs;
 use crate::tui::session::saving::about_files;
-use gdg::map::MapScale;
 
 /// Returns an app that trains the rooms and saves them to a file, after its first update.
 fn training(path: &Path) -> App {
@@ -115,7 +114,7 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     // A file, and the image beside a map.
     for (name, replaced, warning) in [
         ("kept.txt", "kept.txt", "the file exists: Enter again"),
-        ("scan.yaml", "scan.pgm", "scan.pgm exists: Enter again"),
+        ("scan.yaml", "scan.pgm", "scan.pgm exists"),
     ] {
         std::fs::write(file(replaced), "something else").expect("a file");
         let shown = save_as(&mut app, name);
@@ -143,15 +142,6 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
         assert!(shown.contains("this file is a checkpoint"), "{shown}");
     }
     assert!(std::fs::read(&checkpoint).expect("still there") == before);
-    // A maze of blocks keeps its scale in an image, not in plain text.
-    let scale = MapScale { cell: 2, ..MapScale::default() };
-    let mut app = still_on(scale.of("rooms", &rooms()).expect("a map"), gdg());
-    let shown = save_as(&mut app, "blocks.txt");
-    assert!(shown.contains("has no cells per block 2: NAME.png keeps them"), "{shown}");
-    press(&mut app, KeyCode::Esc);
-    save_as(&mut app, "blocks.png");
-    let kept = gdg::map::load_map(&file("blocks.png")).expect("a map");
-    assert_eq!((app.screen.dialogs.len(), kept.scale()), (0, scale));
 }
 
 fn saved_app() -> Still {
