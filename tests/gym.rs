@@ -221,6 +221,9 @@ fn what_is_missing_or_unsupported_is_said() {
         ("Dense", "does not say when a goal is reached: give --goal-radius"),
         ("Absent", "Environment `Absent` doesn't exist"),
         ("Whole", "its actions are whole numbers"),
+        ("OldStep", "has to return observation, reward, terminated, truncated, info"),
+        ("OldReset", "the old gym: reset takes seed and options"),
+        ("NoInfo", "this has to return observation, info"),
         ("Zero", "does not say when a goal is reached: give --goal-radius"),
     ] {
         let output = train(folder.path(), name, &["--max-updates", "10"]).output().unwrap();
@@ -528,6 +531,8 @@ fn an_episode_ends_where_the_environment_says_so_but_not_at_its_time_limit() {
     assert!(!point.has_ended(0), "agents have other goals than the environment");
     let endless = open(folder.path(), "Endless");
     assert_eq!(endless.abilities().episodes.unwrap().episode_steps(), None);
+    let warnings = endless.take_warnings();
+    assert!(warnings[0].contains("is ignored: episodes have at most 60,000"), "{warnings:?}");
 }
 
 #[test]

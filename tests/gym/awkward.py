@@ -281,6 +281,21 @@ class Whole(Point):
         self.action_space = gym.spaces.Box(-1, 1, (2,), np.int64)
 
 
+class OldStep(Point):
+    def step(self, action):
+        return (*super().step(action)[:3], {})
+
+
+class OldReset(Point):
+    def reset(self):
+        return super().reset()[0]
+
+
+class NoInfo(Point):
+    def reset(self, seed=None, options=None):
+        return super().reset(seed=seed)[0]
+
+
 class Discrete(Point):
     def __init__(self, **how):
         super().__init__(**how)

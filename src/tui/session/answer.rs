@@ -27,7 +27,12 @@ impl Session {
                 screen.log.dismiss();
                 if key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL {
                     // A second Ctrl-C quits without further questions.
-                    self.saver.is_done = true;
+                    if self.saver.asks {
+                        self.saver.is_done = true;
+                    } else {
+                        screen.dialogs.clear();
+                        self.saver.quit(&mut self.cx);
+                    }
                     return None;
                 }
                 layer.key(*key, &screen.keymap, mode)
@@ -51,12 +56,14 @@ impl Session {
     }
 
     fn dismiss(&mut self) {
+        self.saver.asks = false;
         self.screen.dialogs.pop();
         self.saver.cancel_quit(&mut self.cx);
     }
 
     /// Accepts the answer to the topmost dialog; returns what has been picked from a list.
     fn answer(&mut self) -> Option<Choice> {
+        self.saver.asks = false;
         match self.screen.dialogs.pop()? {
             Dialog::Pick(picker) => {
                 let choice = picker.choice().cloned();

@@ -45,6 +45,10 @@ pub struct Saver {
     /// Minutes between two autosaves; 0 for none.
     pub autosave_minutes: f64,
     autosaved_at: Instant,
+    /// The map when a checkpoint was last saved automatically.
+    autosaved_map: Option<Arc<Grid>>,
+    /// Whether the question is open that quitting asks.
+    pub asks: bool,
     /// The checkpoint that is asked for and not written yet: since when, and the map in it.
     awaited: Option<(Instant, Option<Arc<Grid>>)>,
     pub is_done: bool,
@@ -72,6 +76,8 @@ impl Saver {
             folder: SAVES.into(),
             autosave_minutes,
             autosaved_at: Instant::now(),
+            autosaved_map: None,
+            asks: false,
             awaited: None,
             is_done: false,
             then: None,
@@ -153,6 +159,7 @@ impl Saver {
         } else if is_worth_saving(cx) {
             let (latest, is_edited) = (&cx.screen.latest, cx.scene.has_unsaved_map());
             cx.screen.open(lists::quit_choices(latest, is_edited, &self.next_file()));
+            self.asks = true;
         } else {
             self.is_done = true;
         }
@@ -224,7 +231,10 @@ impl Saver {
         if self.autosave_minutes > 0.0 && minutes > self.autosave_minutes {
             self.autosaved_at = Instant::now();
             // What has not changed needs no other copy, which would take the place of an older one.
-            if cx.screen.latest.lost_updates() > 0 {
+            let map = cx.scene.maze().map(|maze| maze.map.clone());
+            let is_edited = cx.scene.has_unsaved_map() && map != self.autosaved_map;
+            if cx.screen.latest.lost_updates() > 0 || is_edited {
+                self.autosaved_map = map;
                 self.autosave(cx);
             }
         }
@@ -263,7 +273,7 @@ pub fn notes(cx: &Cx) -> Notes {
 }
 
 fn is_unsaved(cx: &Cx) -> bool {
-    cx.screen.latest.unsaved_updates() > 0 || cx.scene.has_unsaved_map()
+    cx.screen.latest.unsaved_seconds() > 0.0 || cx.scene.has_unsaved_map()
 }
 
 /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.

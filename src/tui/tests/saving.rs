@@ -43,6 +43,16 @@ fn autosaves_have_their_own_files_of_which_the_newest_are_kept() {
         wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
         all.extend(app.screen.snapshot.autosaves.iter().map(|(_, path)| path.clone()));
     }
+    // An edit while it is paused as well, once.
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    let latest = |app: &App| app.screen.snapshot.autosaves.last().cloned();
+    tick(&mut app);
+    let map = app.maze().map.with_marks(Vec::new(), Vec::new());
+    app.maze_mut().map = Arc::new(map);
+    let before = latest(&app);
+    tick(&mut app);
+    wait_until(&mut app, |app| latest(app) != before);
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
     assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "the user's own file is left");
@@ -168,6 +178,14 @@ fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
     assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
     assert!(app.is_done() && !is_named(&app), "twice leaves without saving");
+    let mut other = staged_app(80, 24);
+    for (is_done, asks) in [(false, false), (false, true), (true, true)] {
+        assert_eq!((other.is_done(), other.saver.asks), (is_done, asks), "not in other dialogs");
+        if !asks {
+            press(&mut other, KeyCode::Char('o'));
+        }
+        press_with(&mut other, KeyCode::Char('c'), KeyModifiers::CONTROL);
+    }
     app.on_signal();
     assert!(app.saver.named.as_ref().is_some_and(|path| path.starts_with("saves")));
     // From ten seconds on, however fast it was before, also behind a frozen screen.

@@ -227,7 +227,7 @@ impl Snapshot {
 
     /// Returns the seconds of training not saved in any checkpoint.
     pub fn unsaved_seconds(&self) -> f64 {
-        if self.unsaved_updates() == 0 { 0.0 } else { self.seconds - self.saved_seconds }
+        if self.learns { self.seconds - self.saved_seconds } else { 0.0 }
     }
 
     /// Copies the user's choices, but not training progress, from `latest`, a later snapshot of the

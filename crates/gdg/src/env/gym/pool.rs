@@ -138,7 +138,7 @@ impl Pool {
     ) -> Result<Self, EnvError> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
-        let warning = if found.is_none() { about.warning() } else { None };
+        let is_new = found.is_none();
         let found = match found {
             Some(found) => found,
             None => facts::find(&mut worker, &about, options.goal.as_deref(), options.goal_radius)?,
@@ -146,7 +146,8 @@ impl Pool {
         let mut pool = Self::unopened(address, options, about, found)?;
         pool.job = job;
         pool.idle.lock().push(worker);
-        warning.iter().for_each(|warning| pool.warn(warning));
+        let warnings: Vec<String> = pool.about.warnings().filter(|_| is_new).collect();
+        warnings.iter().for_each(|warning| pool.warn(warning));
         Ok(pool)
     }
 

@@ -192,6 +192,20 @@ def find_maze(own):
         return None
 
 
+def of_gymnasium(wanted, ask):
+    """Returns what an environment answers, unless that is the old gym's: less, or an error of a wrapper."""
+    try:
+        answer = ask()
+        if isinstance(answer, tuple) and len(answer) == len(wanted.split(", ")):
+            return answer
+    except (TypeError, ValueError) as error:
+        if "reset() got an unexpected" not in str(error) and "to unpack (exp" not in str(error):
+            raise
+    raise Unsupported(
+        f"its interface is that of the old gym: reset takes seed and options, and this has to return {wanted}"
+    )
+
+
 def reset(slot, seed, task=-1):
     """Begins an episode, of a task unless that is negative; all randomness follows from `seed`."""
     random.seed(seed)
@@ -199,12 +213,14 @@ def reset(slot, seed, task=-1):
     # OGBench draws actions from it.
     slot.env.unwrapped.action_space.seed(seed)
     slot.ended = False
-    return slot.env.reset(seed=seed, options=None if task < 0 else {"task_id": task})
+    options = None if task < 0 else {"task_id": task}
+    return of_gymnasium("observation, info", lambda: slot.env.reset(seed=seed, options=options))
 
 
 def step(slot, action):
     """Steps an environment and returns what it observes."""
-    observation, _, terminated, truncated, _ = slot.env.step(action)
+    wanted = "observation, reward, terminated, truncated, info"
+    observation, _, terminated, truncated, _ = of_gymnasium(wanted, lambda: slot.env.step(action))
     slot.ended = bool(terminated or truncated)
     return observation
 

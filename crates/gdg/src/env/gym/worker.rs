@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, MAX_MAGNITUDE, Rendering, Walls};
 use crate::job::Job;
-use crate::text::truncated;
+use crate::text::{grouped, truncated};
 
 /// What the worker runs.
 const SOURCE: &str = include_str!("worker.py");
@@ -146,8 +146,16 @@ impl Description {
         (limit <= MAX_BUDGET_STEPS).then_some(limit)
     }
 
-    /// Warns of the first action without two bounds.
-    pub fn warning(&self) -> Option<String> {
+    /// Warns of a time limit that is none, and of the first action without two bounds.
+    pub fn warnings(&self) -> impl Iterator<Item = String> {
+        let endless = self.time_limit.is_some() && self.episode_steps().is_none();
+        let most = grouped(MAX_BUDGET_STEPS.into());
+        let endless = endless
+            .then(|| format!("its time limit is ignored: episodes have at most {most} steps"));
+        endless.into_iter().chain(self.unbounded())
+    }
+
+    fn unbounded(&self) -> Option<String> {
         let bounds = self.low.iter().zip(&self.high);
         let mut all = bounds.zip(self.action_bounds()).enumerate();
         let (at, (_, [low, high])) =

@@ -24,6 +24,10 @@ const HELP: &str =
 
 const WALLS: &str = "where a layer called walls has tiles there are walls; without such a layer, where any layer has tiles";
 
+/// The most attributes of an element and namespaces of a file: Tiled writes far fewer, and the time
+/// that the parser takes grows with their square.
+const MOST_ATTRIBUTES: usize = 100;
+
 /// Pixels of a written tile along each side.
 const TILE: usize = 16;
 
@@ -38,8 +42,21 @@ fn fault(text: &Text, node: Node, problem: impl Into<String>, help: &str) -> Box
     text.error_at(text.place_of(node.range().start), problem, help)
 }
 
+/// Refuses elements with too many attributes; comments have none.
+fn check_attributes(text: &Text) -> MapResult<()> {
+    let is_full = |tag: &&str| tag.matches('=').count() > MOST_ATTRIBUTES && !tag.starts_with('!');
+    let full = text.source.split('<').find(is_full);
+    let full = full.map(|tag| tag.as_ptr() as usize - text.source.as_ptr() as usize - 1);
+    let namespace = text.source.match_indices("xmlns").nth(MOST_ATTRIBUTES).map(|(at, _)| at);
+    full.or(namespace).map_or(Ok(()), |at| {
+        let problem = format!("more than {MOST_ATTRIBUTES} attributes: this is no map of Tiled");
+        Err(text.error_at(text.place_of(at), problem, HELP))
+    })
+}
+
 fn read(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
+    check_attributes(text)?;
     let document = Document::parse(text.source).map_err(|error| {
         let at = error.pos();
         let place = Place { line: at.row as usize - 1, column: at.col as usize - 1 };
