@@ -78,7 +78,7 @@ fn commands_say_how_far_they_are() {
         ("maps", 9, "measuring the maps", 0),
         ("export-policy saves/own.safetensors --plans", 18, "writing the policy", 14),
         ("export-data saves/own.safetensors", 6, "writing the transitions", 17),
-        ("export-data saves/own.safetensors", 3, "reading the checkpoint", 33),
+        ("export-data saves/own.safetensors", 3, "reading the checkpoint", 67),
         ("suite maps --list --out own", 3, "reading the maps", 50),
         ("runs", 3, "reading the runs", 50),
         ("runs --json", 3, "reading the runs", 50),

@@ -153,11 +153,11 @@ fn usual_updates(map: &Grid) -> u64 {
 /// Returns the world, the built-in map or the map file called `name`, or all `.map` files of that
 /// folder, sorted by name; all `.txt` files if it has none. Hidden files are left out.
 fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<JobWorld>, Report> {
-    let opening = Waiting::on("opening the world");
-    let named = JobWorld::named(known_name(name), registry)?;
-    drop(opening);
-    if let Some(world) = named {
-        return Ok(vec![world]);
+    if !name.is_dir() {
+        let _opening = Waiting::on("opening the world");
+        if let Some(world) = JobWorld::named(known_name(name), registry)? {
+            return Ok(vec![world]);
+        }
     }
     let maze = |map: Grid| JobWorld::Maze(Arc::new(map));
     if !name.is_dir() || name.to_str().is_some_and(|name| builtin(name).is_some()) {

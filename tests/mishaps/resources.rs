@@ -107,9 +107,6 @@ fn maps_too_long_for_positions_in_single_precision_are_refused() {
     std::fs::write(folder.path().join("long.txt"), ".\n".repeat(32_769)).unwrap();
     for file in ["long.map", "long.txt"] {
         let (status, _, errors) = check(file);
-        assert!(
-            status == 2 && errors.contains("too large") && errors.contains("32,768"),
-            "{errors}"
-        );
+        assert!(status == 2 && errors.contains("32,768"), "{errors}");
     }
 }

@@ -96,6 +96,13 @@ fn read_plain(source: &Source) -> MapResult<Grid> {
     }
     let (width, help) = ((width, "the first row has"), [PLAIN_LENGTHS, PLAIN_CELLS]);
     let marks = marks_of(text, (0, rows), width, plain_mark, help)?;
+    let with = |letters: &[char]| rows.iter().position(|row| row.contains(letters));
+    // The others are letters of Moving AI's alone.
+    if let (Some(_), Some(line), None) = (with(&['#']), with(&['O']), with(&['@', 'T', 'W'])) {
+        let at = rows[line].chars().position(|c| c == 'O').unwrap_or(0);
+        let problem = "'O' beside '#' may be a wall, or as in D4RL's mazes a free cell";
+        return Err(text.error(line, at..at + 1, problem, "write '#' or '.'"));
+    }
     grid(source, width.0, &marks, PLAIN_CELLS)
 }
 
