@@ -22,7 +22,7 @@ const LIBRARY: [Room; 15] = [
     ("files", 900),
     ("store", 300),
     ("settings", 400),
-    ("map", 3_750),
+    ("map", 3_800),
     ("env", 6_050),
     ("learn", 8_250),
     ("bridge", 3_300),

@@ -189,7 +189,11 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
             return Err("this file is a checkpoint: enter another name".to_owned());
         }
         let image = image.filter(|image| image.is_file());
-        replaced = replaced.or(image.map(|image| format!("its image {}", image.display())));
+        let image = image.map(|image| format!("its image {}", image.display()));
+        replaced = replaced
+            .into_iter()
+            .chain(image)
+            .reduce(|file, image| format!("{file} exists, {image}"));
         lost = files::loss(cx, typed);
     }
     Ok(match (lost, replaced) {

@@ -125,6 +125,7 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     for (name, replaced, warning) in [
         ("kept.txt", "kept.txt", "the file exists: Enter again"),
         ("scan.yaml", "scan.pgm", "scan.pgm exists"),
+        ("scan.yaml", "scan.pgm", "and the file exists,"),
     ] {
         std::fs::write(file(replaced), "something else").expect("a file");
         let shown = save_as(&mut app, name);

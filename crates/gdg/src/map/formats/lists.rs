@@ -224,9 +224,16 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
     }
     let is_binary = |(number, _): (&str, Place)| number.bytes().all(|b| b == b'0' || b == b'1');
     let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
-    let is_tiled =
-        |(number, _): (&str, Place)| number.parse::<f64>().is_ok_and(|value| value == -1.0);
-    let empty = if lines().flatten().any(is_tiled) { -1.0 } else { 0.0 };
+    let place_of = |wanted: f64| {
+        let is = |(number, _): &(&str, Place)| number.parse::<f64>().is_ok_and(|v| v == wanted);
+        lines().flatten().find(is).map(|(_, place)| place)
+    };
+    let tiled = place_of(-1.0);
+    if let (Some(_), Some(place)) = (tiled, place_of(100.0)) {
+        let problem = "100 beside -1: is this an occupancy grid, or a layer of Tiled?";
+        return Err(text.error_at(place, problem, "write 0 for free cells and 1 for walls"));
+    }
+    let empty = if tiled.is_some() { -1.0 } else { 0.0 };
     let mut cells = Rows::new(text);
     for mut row in lines().map(Iterator::peekable) {
         let Some((_, first)) = row.peek().copied() else { continue };
