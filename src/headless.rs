@@ -55,7 +55,7 @@ pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
-    let saver = setup.save.clone().map(Saver::new);
+    let saver = setup.save.clone().map(CheckpointSaver::new);
     let open = |path| Table::open(path, options.overwrite, &setup);
     let table = match options.table.as_deref().map(open).transpose() {
         Ok(table) => table,
@@ -122,7 +122,7 @@ struct HeadlessRun<'a> {
     setup: Setup,
     options: &'a Options,
     progress: Progress,
-    saver: Option<Saver>,
+    saver: Option<CheckpointSaver>,
     table: Option<Table>,
     termination: TerminationSignal,
 }
@@ -362,13 +362,13 @@ pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
     (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))
 }
 
-pub struct Saver {
+pub struct CheckpointSaver {
     to: SaveTo,
     /// The state saved last: updates, steps and evaluations.
     last_saved_state: Option<(u64, u64, usize)>,
 }
 
-impl Saver {
+impl CheckpointSaver {
     pub fn new(to: SaveTo) -> Self {
         Self { to, last_saved_state: None }
     }

@@ -10,7 +10,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use gdg::env::{Environment, GymOptions, Scene};
+use gdg::env::{Environment, GymOptions, WorldScene};
 use gdg::train::{Preset, Registry, Run, Trainer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -369,7 +369,8 @@ fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     // Walls are what the environment takes for walls, also as floats or booleans.
     for name in ["FloatMaze", "BoolMaze", "Maze"] {
         let world = open(folder.path(), name);
-        let Scene::Goals(space) = world.abilities().drawn.unwrap().scene(&Arc::default()) else {
+        let WorldScene::Goals(space) = world.abilities().drawn.unwrap().scene(&Arc::default())
+        else {
             panic!("a space of goals")
         };
         assert_eq!([0, 1].map(|i| space.range(i)), [[-5.0, 5.0], [-1.0, 5.0]]);

@@ -16,7 +16,7 @@ use super::folder::Folder;
 use super::measure::{self, measure};
 use super::plan::Length;
 use super::spec::JobSpec;
-use crate::headless::{Saver, evaluate, save_interval};
+use crate::headless::{CheckpointSaver, evaluate, save_interval};
 use crate::host::outputs::{elsewhere, save_elsewhere};
 
 use crate::host::EXIT_FAILURE;
@@ -194,7 +194,7 @@ struct Runner<'a> {
     all: &'a Jobs<'a>,
     termination: TerminationSignal,
     open: Vec<&'a JobSpec>,
-    progress: Progress,
+    progress: JobsProgress,
 }
 
 impl Jobs<'_> {
@@ -218,7 +218,7 @@ impl Jobs<'_> {
             })?;
         }
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
-        let (termination, progress) = (TerminationSignal::listen()?, Progress::new(open.len()));
+        let (termination, progress) = (TerminationSignal::listen()?, JobsProgress::new(open.len()));
         let runner = Runner { all: self, termination, open, progress };
         let ends = runner.run(parallel_jobs(options.jobs));
         let named = |wanted: End| {
@@ -315,7 +315,7 @@ impl Runner<'_> {
         let mut trainer = self.resume_or_begin(i)?;
         trainer.set_job(self.termination.job().clone());
         self.progress.begin(i, self.share_of(i, &trainer));
-        let mut saver = Saver::new(SaveTo::Replace(self.all.folder.checkpoint(job)));
+        let mut saver = CheckpointSaver::new(SaveTo::Replace(self.all.folder.checkpoint(job)));
         let ended = self.train_and_finish(i, &mut trainer, &mut saver);
         if ended.is_err()
             && self.all.folder.result_of(job).is_none()
@@ -335,7 +335,7 @@ impl Runner<'_> {
         &self,
         i: usize,
         trainer: &mut Trainer,
-        saver: &mut Saver,
+        saver: &mut CheckpointSaver,
     ) -> Result<End, Report> {
         let job = self.open[i];
         let is_whole = self.train(i, trainer, saver)?;
@@ -397,7 +397,12 @@ impl Runner<'_> {
     }
 
     /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
-    fn train(&self, i: usize, trainer: &mut Trainer, saver: &mut Saver) -> Result<bool, Report> {
+    fn train(
+        &self,
+        i: usize,
+        trainer: &mut Trainer,
+        saver: &mut CheckpointSaver,
+    ) -> Result<bool, Report> {
         let (evaluate, limits) = self.open[i].plan.schedule();
         let schedule =
             Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
@@ -445,13 +450,13 @@ impl Runner<'_> {
     }
 }
 
-struct Progress {
+struct JobsProgress {
     /// The share done of each job, and what of that earlier processes have done.
     shares: Mutex<Vec<[f64; 2]>>,
     began: Instant,
 }
 
-impl Progress {
+impl JobsProgress {
     fn new(jobs: usize) -> Self {
         Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Instant::now() }
     }
@@ -489,7 +494,7 @@ mod tests {
 
     #[test]
     fn the_time_left_follows_from_what_this_process_has_done() {
-        let progress = Progress::new(2);
+        let progress = JobsProgress::new(2);
         let estimate = || progress.estimate(Duration::from_secs(30));
         progress.begin(0, 0.5);
         assert_eq!(estimate(), None);

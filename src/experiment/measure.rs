@@ -65,7 +65,7 @@ pub struct Walked {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bridge {
     pub direct: f32,
-    pub found: Option<Found>,
+    pub found: Option<BestBridge>,
     /// Tasks searched, the last one with success if a point was found.
     pub searches: usize,
     /// Candidates tried in all these searches.
@@ -78,7 +78,7 @@ pub struct Bridge {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Found {
+pub struct BestBridge {
     pub point: [f32; 2],
     pub from_start: f32,
     pub to_goal: f32,
@@ -161,7 +161,7 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
         distance.ok_or_else(|| miette!(help = "try another seed", "the distances are not finite"))
     };
     let found = match bridge {
-        Some(bridge) => Some(Found {
+        Some(bridge) => Some(BestBridge {
             point: position(&bridge.point),
             from_start: distance(&start, &bridge.point)?,
             to_goal: distance(&bridge.point, &task.goal)?,

@@ -39,7 +39,7 @@ const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of che
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SavedRun {
     pub source: PathBuf,
-    pub kind: Kind,
+    pub kind: RunKind,
     pub written: Option<SystemTime>,
     /// What has become of it; unknown of records without an end.
     pub end: Option<State>,
@@ -69,7 +69,7 @@ pub struct SavedRun {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum RunKind {
     #[default]
     Records,
     Result,
@@ -108,7 +108,7 @@ impl SavedRun {
         let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
         Self {
             source,
-            kind: Kind::Result,
+            kind: RunKind::Result,
             end: Some(State::Done),
             fingerprint: result.fingerprint,
             map: result.world,
@@ -133,11 +133,11 @@ impl SavedRun {
         let (text, name) = (problem.to_string(), source.display().to_string());
         let problem = text.strip_prefix(&name).map_or(format!(": {text}"), str::to_owned);
         let problem = Some(sanitized(&problem));
-        Self { source: source.to_owned(), kind: Kind::Damaged, problem, ..Self::default() }
+        Self { source: source.to_owned(), kind: RunKind::Damaged, problem, ..Self::default() }
     }
 
     pub fn is_damaged(&self) -> bool {
-        self.kind == Kind::Damaged
+        self.kind == RunKind::Damaged
     }
 
     pub fn state(&self) -> State {
@@ -383,7 +383,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     evaluations.retain(|at| history.methods().is_current(at.updates));
     Ok(SavedRun {
         source: path.to_owned(),
-        kind: Kind::Checkpoint,
+        kind: RunKind::Checkpoint,
         end: Some(State::Saved),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: match history.edits() {

@@ -22,7 +22,7 @@ use super::link::Link;
 use super::screen::Screen;
 use super::text::fact;
 use gdg::engine::Snapshot;
-use gdg::env::Scene as World;
+use gdg::env::WorldScene;
 use gdg::map::Grid;
 use gdg::train::FilmFrame;
 use gdg::viewer::{Field, Graph, View};
@@ -163,15 +163,15 @@ pub const FIRST_OVERLAY: usize = 2;
 impl Scene {
     pub fn of(snapshot: &Snapshot) -> Self {
         match &snapshot.scene {
-            World::Maze(scene) => Self::Maze(Box::new(MazeState::new(scene.map.clone()))),
-            World::Arm(_) | World::Goals(_) => Self::Space(SpaceState::of(snapshot)),
+            WorldScene::Maze(scene) => Self::Maze(Box::new(MazeState::new(scene.map.clone()))),
+            WorldScene::Arm(_) | WorldScene::Goals(_) => Self::Space(SpaceState::of(snapshot)),
         }
     }
 
     /// Switches to the kind of scene that a run has.
     pub fn enter(&mut self, snapshot: &Snapshot) {
         let stays = match self {
-            Self::Maze(_) => matches!(snapshot.scene, World::Maze(_)),
+            Self::Maze(_) => matches!(snapshot.scene, WorldScene::Maze(_)),
             Self::Space(space) => space.draws(&snapshot.scene),
         };
         if !stays {

@@ -373,7 +373,7 @@ impl dyn Environment {
 
 /// What a front end draws for a world.
 #[derive(Clone, Debug)]
-pub enum Scene {
+pub enum WorldScene {
     /// The space of goals, of a world without a picture of its own.
     Goals(Box<GoalSpace>),
     /// A grid map seen from above; states begin with the position (x, y) in cells, y down.
@@ -383,7 +383,7 @@ pub enum Scene {
     Arm(ArmScene),
 }
 
-impl Scene {
+impl WorldScene {
     /// Returns the maze, if it is one.
     pub fn maze(&self) -> Option<&MazeScene> {
         match self {

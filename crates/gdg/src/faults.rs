@@ -77,13 +77,13 @@ pub fn take_failures() -> Vec<Failure> {
 /// An injected fault.
 struct Fault {
     point: String,
-    kind: Kind,
+    kind: FaultKind,
     /// The pass at which it triggers, from 1.
     at: u64,
     passes: AtomicU64,
 }
 
-enum Kind {
+enum FaultKind {
     Panic,
     Delay(Duration),
     Fail,
@@ -101,9 +101,9 @@ fn parse(text: &str) -> Option<Fault> {
     let (point, kind) = text.split_once('=')?;
     let (kind, at) = kind.split_once('@').unwrap_or((kind, "1"));
     let kind = match kind.split_once(':') {
-        Some(("delay", ms)) => Kind::Delay(Duration::from_millis(ms.parse().ok()?)),
-        None if kind == "panic" => Kind::Panic,
-        None if kind == "once" => Kind::Fail,
+        Some(("delay", ms)) => FaultKind::Delay(Duration::from_millis(ms.parse().ok()?)),
+        None if kind == "panic" => FaultKind::Panic,
+        None if kind == "once" => FaultKind::Fail,
         _ => return None,
     };
     Some(Fault { point: point.to_owned(), kind, at: at.parse().ok()?, passes: AtomicU64::new(0) })
@@ -119,9 +119,9 @@ pub fn point(name: &str) -> bool {
     for fault in injected_faults().iter().filter(|fault| fault.point == name) {
         if fault.passes.fetch_add(1, Ordering::Relaxed) + 1 == fault.at {
             match fault.kind {
-                Kind::Panic => panic!("injected fault in {name}"),
-                Kind::Delay(time) => std::thread::sleep(time),
-                Kind::Fail => fails = true,
+                FaultKind::Panic => panic!("injected fault in {name}"),
+                FaultKind::Delay(time) => std::thread::sleep(time),
+                FaultKind::Fail => fails = true,
             }
         }
     }

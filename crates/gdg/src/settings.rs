@@ -148,14 +148,14 @@ impl<T: Copy> Auto<T> {
 /// The valid values of a setting. Displayed, they complete "must be".
 #[derive(Clone, Copy, Debug)]
 pub struct Values {
-    pub(crate) kind: Kind,
+    pub(crate) kind: ValueKind,
     pub(crate) or_auto: bool,
     /// Additional condition on other settings; [`Values::accept`] does not check it.
     condition: &'static str,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum ValueKind {
     Switch,
     Word(&'static [&'static str]),
     /// A whole number within both bounds, or without an upper bound.
@@ -187,7 +187,7 @@ pub(crate) enum Excluded {
 }
 
 impl Values {
-    pub(crate) const SWITCH: Self = Self::of(Kind::Switch);
+    pub(crate) const SWITCH: Self = Self::of(ValueKind::Switch);
 
     /// A number above 0, large enough to divide by.
     pub(crate) const POSITIVE: Self = Self::number(1e-38, 3e38);
@@ -196,16 +196,16 @@ impl Values {
 
     pub(crate) const PROBABILITY: Self = Self::measure("a probability", 0.0, 1.0);
 
-    const fn of(kind: Kind) -> Self {
+    const fn of(kind: ValueKind) -> Self {
         Self { kind, or_auto: false, condition: "" }
     }
 
     pub(crate) const fn word(words: &'static [&'static str]) -> Self {
-        Self::of(Kind::Word(words))
+        Self::of(ValueKind::Word(words))
     }
 
     pub(crate) const fn count(from: u64, to: u64) -> Self {
-        Self::of(Kind::Count { from, to })
+        Self::of(ValueKind::Count { from, to })
     }
 
     pub(crate) const fn number(from: f32, to: f32) -> Self {
@@ -217,15 +217,16 @@ impl Values {
     }
 
     pub(crate) const fn measure(noun: &'static str, from: f32, to: f32) -> Self {
-        Self::of(Kind::Number { noun, from, to, excluded: Excluded::None })
+        Self::of(ValueKind::Number { noun, from, to, excluded: Excluded::None })
     }
 
     /// A number from 0 to 1, without one bound or both.
     pub(crate) const fn unit(excluded: Excluded) -> Self {
-        Self::of(Kind::Number { noun: "a number", from: 0.0, to: 1.0, excluded })
+        Self::of(ValueKind::Number { noun: "a number", from: 0.0, to: 1.0, excluded })
     }
 
-    pub(crate) const SCALES: Self = Self::of(Kind::Numbers { max_len: 16, from: 0.01, to: 1e6 });
+    pub(crate) const SCALES: Self =
+        Self::of(ValueKind::Numbers { max_len: 16, from: 0.01, to: 1e6 });
 
     pub(crate) const fn or_auto(self) -> Self {
         Self { or_auto: true, ..self }
@@ -238,11 +239,11 @@ impl Values {
 
     /// Whether they are whole numbers (or, for some settings, a word).
     pub fn are_counts(&self) -> bool {
-        matches!(self.kind, Kind::Count { .. })
+        matches!(self.kind, ValueKind::Count { .. })
     }
 
     pub fn are_switch(&self) -> bool {
-        self.kind == Kind::Switch
+        self.kind == ValueKind::Switch
     }
 
     /// Whether `value` is one of them, as JSON.
@@ -253,10 +254,10 @@ impl Values {
             return true;
         }
         match self.kind {
-            Kind::Switch => value.is_boolean(),
-            Kind::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
-            Kind::Count { from, to } => value.as_u64().is_some_and(|n| from <= n && n <= to),
-            Kind::Number { from, to, excluded, .. } => {
+            ValueKind::Switch => value.is_boolean(),
+            ValueKind::Word(words) => value.as_str().is_some_and(|word| words.contains(&word)),
+            ValueKind::Count { from, to } => value.as_u64().is_some_and(|n| from <= n && n <= to),
+            ValueKind::Number { from, to, excluded, .. } => {
                 real(value).is_some_and(|v| match excluded {
                     Excluded::None => from <= v && v <= to,
                     Excluded::Lower => from < v && v <= to,
@@ -264,7 +265,7 @@ impl Values {
                     Excluded::Both => from < v && v < to,
                 })
             }
-            Kind::Numbers { max_len, from, to } => value.as_array().is_some_and(|list| {
+            ValueKind::Numbers { max_len, from, to } => value.as_array().is_some_and(|list| {
                 let fits = |v: &Value| real(v).is_some_and(|v| (from..=to).contains(&v));
                 list.len() <= max_len && list.iter().all(fits)
             }),
@@ -278,17 +279,17 @@ impl fmt::Display for Values {
             f.write_str("auto, or ")?;
         }
         match self.kind {
-            Kind::Switch => f.write_str("true or false")?,
-            Kind::Word(words) => {
+            ValueKind::Switch => f.write_str("true or false")?,
+            ValueKind::Word(words) => {
                 let (last, others) = words.split_last().unwrap_or((&"", &[]));
                 write!(f, "{} or {last}", others.join(", "))?;
             }
-            Kind::Count { from, to: u64::MAX } => write!(f, "an integer, {from} or more")?,
-            Kind::Count { from, to } if to == from + 1 => {
+            ValueKind::Count { from, to: u64::MAX } => write!(f, "an integer, {from} or more")?,
+            ValueKind::Count { from, to } if to == from + 1 => {
                 write!(f, "an integer, {from} or {to}")?;
             }
-            Kind::Count { from, to } => write!(f, "an integer from {from} to {to}")?,
-            Kind::Number { noun, from, to, excluded } => {
+            ValueKind::Count { from, to } => write!(f, "an integer from {from} to {to}")?,
+            ValueKind::Number { noun, from, to, excluded } => {
                 let (from, to) = (Short(from), Short(to));
                 match excluded {
                     Excluded::None => write!(f, "{noun} from {from} to {to}"),
@@ -297,7 +298,7 @@ impl fmt::Display for Values {
                     Excluded::Both => write!(f, "{noun} above {from} and below {to}"),
                 }?;
             }
-            Kind::Numbers { max_len, from, to } => {
+            ValueKind::Numbers { max_len, from, to } => {
                 write!(f, "up to {max_len} numbers from {} to {}", Short(from), Short(to))?;
             }
         }

@@ -16,7 +16,7 @@ use tokio::sync::watch;
 
 use crate::draw::Raster;
 use crate::engine::{Engine, Snapshot};
-use crate::env::Scene;
+use crate::env::WorldScene;
 use crate::env::fetch_reach::Pose;
 use crate::map::Cell;
 use crate::train::FilmFrame;
@@ -124,17 +124,17 @@ impl Plane {
     }
 
     /// Returns whether an agent may be at what pixel `i` shows of the plane through `near`.
-    pub fn is_open(&self, i: usize, near: &[f32], scene: &Scene) -> bool {
+    pub fn is_open(&self, i: usize, near: &[f32], scene: &WorldScene) -> bool {
         let at = || self.point(self.raster.middle_of(i), near);
         match scene {
-            Scene::Arm(arm) => <[f32; 3]>::try_from(at()).is_ok_and(|at| arm.has_room(at)),
-            Scene::Goals(space) => {
+            WorldScene::Arm(arm) => <[f32; 3]>::try_from(at()).is_ok_and(|at| arm.has_room(at)),
+            WorldScene::Goals(space) => {
                 // Only the first two components are positions in its maze.
                 let is_position = |axis: &[f32]| axis.iter().take(2).any(|along| *along != 0.0);
                 let are_both = is_position(&self.across) && is_position(&self.up);
                 !are_both || !space.is_wall([at()[0], at()[1]])
             }
-            Scene::Maze(_) => true,
+            WorldScene::Maze(_) => true,
         }
     }
 }

@@ -10,7 +10,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{EDITED, HELP, Kind, SavedRun, State, facts, unreadable};
+use super::{EDITED, HELP, RunKind, SavedRun, State, facts, unreadable};
 use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{Format, Mismatch, Wanted, open};
 use gdg::text::{safe_file_name, sanitized};
@@ -27,7 +27,7 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 #[derive(Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
-enum Record {
+enum ReadRecord {
     Start(Box<Start>),
     Progress {
         updates: u64,
@@ -84,21 +84,21 @@ impl SavedRun {
         }
     }
 
-    fn add(&mut self, record: Record) {
+    fn add(&mut self, record: ReadRecord) {
         match record {
-            Record::Progress { updates } => self.updates = updates,
-            Record::Evaluation(at) => {
+            ReadRecord::Progress { updates } => self.updates = updates,
+            ReadRecord::Evaluation(at) => {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
             }
-            Record::Edit {} => self.fingerprint = Some(EDITED.to_owned()),
-            Record::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
-            Record::End { reason, updates } => {
+            ReadRecord::Edit {} => self.fingerprint = Some(EDITED.to_owned()),
+            ReadRecord::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
+            ReadRecord::End { reason, updates } => {
                 let interrupted = reason == "interrupted";
                 self.end = Some(if interrupted { State::Interrupted } else { State::Done });
                 self.updates = updates;
             }
-            Record::Start(_) | Record::Other => {}
+            ReadRecord::Start(_) | ReadRecord::Other => {}
         }
     }
 }
@@ -134,7 +134,7 @@ pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
         }
         let found = match (serde_json::from_slice(text), runs.last_mut()) {
             _ if text.is_empty() => continue,
-            (Ok(Record::Start(start)), _) => {
+            (Ok(ReadRecord::Start(start)), _) => {
                 runs.push(SavedRun::begun(*start, path));
                 continue;
             }
@@ -142,7 +142,9 @@ pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
                 run.add(record);
                 continue;
             }
-            (Ok(Record::Evaluation(_)), None) => ":1: an evaluation before any start record".into(),
+            (Ok(ReadRecord::Evaluation(_)), None) => {
+                ":1: an evaluation before any start record".into()
+            }
             (Ok(_), None) => continue,
             (Err(_), _) if is_too_long => {
                 format!(": not a record: longer than {} MB", MOST_OF_A_LINE >> 20)
@@ -210,12 +212,12 @@ fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
 pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
     let mut into = vec![None; runs.len()];
     let all =
-        |kind: Kind| (0..runs.len()).filter(|i| runs[*i].kind == kind).collect::<Vec<usize>>();
-    let (mut records, checkpoints) = (all(Kind::Records), all(Kind::Checkpoint));
+        |kind: RunKind| (0..runs.len()).filter(|i| runs[*i].kind == kind).collect::<Vec<usize>>();
+    let (mut records, checkpoints) = (all(RunKind::Records), all(RunKind::Checkpoint));
     records.sort_by_key(|i| (runs[*i].begun, runs[*i].updates));
     let stem = |i: usize| runs[i].source.with_extension("");
     let results: HashMap<PathBuf, usize> =
-        all(Kind::Result).into_iter().map(|i| (stem(i), i)).collect();
+        all(RunKind::Result).into_iter().map(|i| (stem(i), i)).collect();
     for i in records.iter().chain(&checkpoints) {
         into[*i] = results.get(&stem(*i)).copied();
     }
@@ -300,10 +302,10 @@ impl SavedRun {
         self.others.push(part.source.clone());
         self.others.extend(part.others.iter().cloned());
         self.written = self.written.max(part.written);
-        if self.kind == Kind::Result {
+        if self.kind == RunKind::Result {
             return;
         }
-        if part.kind != Kind::Checkpoint {
+        if part.kind != RunKind::Checkpoint {
             return self.continue_from(part.clone());
         }
         let first = self.evaluations.first().map_or(u64::MAX, |at| at.updates);
@@ -328,7 +330,7 @@ mod tests {
 
     /// Returns a run that begins and was evaluated at these thousands of updates; records name a
     /// checkpoint.
-    fn run(kind: Kind, source: &str, begun: u64, evaluated: &[u64]) -> SavedRun {
+    fn run(kind: RunKind, source: &str, begun: u64, evaluated: &[u64]) -> SavedRun {
         let score =
             Score { success: Some(0.5), spl: None, steps_ratio: None, by_distance: Vec::new() };
         let evaluation = |thousands: &u64| EvaluationAt {
@@ -346,7 +348,7 @@ mod tests {
             begun: 1_000 * begun,
             updates: 1_000 * evaluated.last().copied().unwrap_or(begun),
             evaluations: evaluated.iter().map(evaluation).collect(),
-            checkpoint: (kind == Kind::Records).then(|| format!("./{PATH}").into()),
+            checkpoint: (kind == RunKind::Records).then(|| format!("./{PATH}").into()),
             ..SavedRun::default()
         }
     }
@@ -367,17 +369,20 @@ mod tests {
 
     #[test]
     fn what_is_in_several_files_is_one_run() {
-        let checkpoint = |at: &[u64]| run(Kind::Checkpoint, PATH, 0, at);
-        let part = |source, begun, at: &[u64]| run(Kind::Records, source, begun, at);
+        let checkpoint = |at: &[u64]| run(RunKind::Checkpoint, PATH, 0, at);
+        let part = |source, begun, at: &[u64]| run(RunKind::Records, source, begun, at);
         let (first, saved) = (part("1.jsonl", 0, &[1, 2]), checkpoint(&[1, 2]));
         let (second, third) = (part("2.jsonl", 2, &[3, 4, 5]), part("3.jsonl", 4, &[5, 6]));
-        let other = run(Kind::Checkpoint, "saves/b.safetensors", 0, &[1]);
+        let other = run(RunKind::Checkpoint, "saves/b.safetensors", 0, &[1]);
         let replaced = SavedRun { seed: 4, ..checkpoint(&[1]) };
         let set = SavedRun { settings: vec!["n_step=1".to_owned()], ..first.clone() };
         let of_job = |kind, end| run(kind, &format!("jobs/a.{end}"), 0, &[4]);
-        let job =
-            [(Kind::Records, "jsonl"), (Kind::Result, "json"), (Kind::Checkpoint, "safetensors")]
-                .map(|(kind, end)| of_job(kind, end));
+        let job = [
+            (RunKind::Records, "jsonl"),
+            (RunKind::Result, "json"),
+            (RunKind::Checkpoint, "safetensors"),
+        ]
+        .map(|(kind, end)| of_job(kind, end));
         for (runs, expected) in [
             (&[&first, &saved][..], &["1.jsonl [saves/a.safetensors] 1.0 2.0"][..]),
             (&[&first, &checkpoint(&[1, 2, 3])], &["1.jsonl [saves/a.safetensors] 1.0 2.0 3.0"]),

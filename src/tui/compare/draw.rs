@@ -24,7 +24,7 @@ use super::{Comparison, LETTERS, maze_of};
 use crate::tui::action::{Action, Mode};
 use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::render::chart::{self, Curve};
+use crate::tui::render::chart::{self, PaneCurve};
 use crate::tui::render::{curves, finish_frame, footer, too_small};
 use crate::tui::scene::SceneKind;
 use crate::tui::session::{Cx, Session};
@@ -229,7 +229,7 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
 const FAINT: f32 = 0.5;
 
 /// Returns the curves of a side: its success, and that of the actor alone if the method plans.
-fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
+fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
     let screen = &comparison.sessions[own].screen;
     let (run, mono) = (screen.run(), screen.theme.depth == ColourDepth::Mono);
     let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
@@ -249,7 +249,7 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     };
     let name = format!("{} {}", LETTERS[own], run.method.name());
     let faint = fainter.add_modifier(Modifier::DIM);
-    let actor = Curve {
+    let actor = PaneCurve {
         name: "greedy".to_owned(),
         style: faint,
         marker,
@@ -257,16 +257,16 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     };
     if run.method.plans() {
         let planned = points(&|e| e.planned.as_ref()?.success);
-        vec![Curve { name, style: style.patch(BOLD), marker, points: planned }, actor]
+        vec![PaneCurve { name, style: style.patch(BOLD), marker, points: planned }, actor]
     } else {
-        vec![Curve { name, style: style.patch(BOLD), ..actor }]
+        vec![PaneCurve { name, style: style.patch(BOLD), ..actor }]
     }
 }
 
 /// Draws both success curves in one chart, over how far training had come; a click on its title
 /// changes the axis. Upright lines mark the moments of the past that are shown.
 fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
-    let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
+    let all: Vec<PaneCurve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
     let now =
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
@@ -284,9 +284,9 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
         return;
     }
     // The faint curves first, so that they do not hide the others.
-    let (faint, strong): (Vec<&Curve>, Vec<&Curve>) =
+    let (faint, strong): (Vec<&PaneCurve>, Vec<&PaneCurve>) =
         all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
-    let lines = faint.into_iter().chain(strong).map(Curve::line);
+    let lines = faint.into_iter().chain(strong).map(PaneCurve::line);
     let past = [0, 1].map(|own| {
         let frame = comparison.sessions[own].screen.past.as_ref()?;
         Some(comparison.along(own, frame.updates))

@@ -14,14 +14,14 @@ use crate::tui::text::{fitted_lines, short};
 /// Maximum lines for a chart's title and the names of its curves.
 const MAX_NAME_LINES: usize = 2;
 
-pub struct Curve {
+pub struct PaneCurve {
     pub name: String,
     pub style: Style,
     pub marker: Marker,
     pub points: Vec<(f64, f64)>,
 }
 
-impl Curve {
+impl PaneCurve {
     pub fn line(&self) -> Line<'_> {
         let Self { style, marker, points, .. } = self;
         Line { style: *style, marker: *marker, points }

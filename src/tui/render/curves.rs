@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::Page;
-use super::chart::{self, Curve};
+use super::chart::{self, PaneCurve};
 use crate::experiment::plot::Axis;
 use crate::tui::layout::ChartArea;
 use crate::tui::screen::Screen;
@@ -39,7 +39,7 @@ const PAGE_SHARE: f64 = 0.25;
 struct Plot {
     title: &'static str,
     /// Those without a name continue the one before.
-    curves: Vec<Curve>,
+    curves: Vec<PaneCurve>,
     max: Option<f64>,
     /// Whether it is drawn on a logarithmic scale.
     log: bool,
@@ -68,11 +68,11 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let (snapshot, theme) = (&screen.snapshot, &screen.theme);
     let curve = |name: &str, i: usize, points| {
         let (style, marker) = (colour(theme, i), marker(theme, i));
-        Curve { name: name.to_owned(), style, marker, points }
+        PaneCurve { name: name.to_owned(), style, marker, points }
     };
     // One part for each method. A former method that does not learn would only leave a dot.
     let stretches = snapshot.methods.stretches();
-    let of = |name: &str, i: usize, value: Value| -> Vec<Curve> {
+    let of = |name: &str, i: usize, value: Value| -> Vec<PaneCurve> {
         let mut parts = vec![Vec::new(); stretches.len().max(1)];
         for (at, e) in snapshot.evaluations.iter() {
             let own = snapshot.methods.index(*at);
@@ -183,7 +183,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
     let cursor = BOLD.fg(screen.theme.colour(screen.theme.cursor));
     let lines = changes
-        .chain(plot.curves.iter().rev().map(Curve::line))
+        .chain(plot.curves.iter().rev().map(PaneCurve::line))
         .chain(past.iter().map(|points| line(cursor, &points[..])));
     let label = |y: f64| match if log { 10f64.powf(y) } else { y } {
         y if y >= 100.0 => format!("{y:.0}"),

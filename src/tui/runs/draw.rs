@@ -26,7 +26,7 @@ use crate::experiment::plot::Measure;
 use crate::experiment::runs::{COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::render::chart::{self, Curve};
+use crate::tui::render::chart::{self, PaneCurve};
 use crate::tui::render::{curves, finish_frame, footer, help, too_small};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::text::{fitted_line, wrapped};
@@ -246,7 +246,7 @@ fn draw_curves(
     let curve = |(letter, run): &Drawn| {
         let stem = sanitized(&run.source.file_stem().unwrap_or_default().to_string_lossy());
         let points = run.evaluations.iter();
-        Curve {
+        PaneCurve {
             name: format!("{} {stem}", sign(*letter)),
             style: style(*letter, theme),
             marker: letter.map_or(Marker::Braille, |letter| curves::marker(theme, letter)),
@@ -255,7 +255,7 @@ fn draw_curves(
                 .collect(),
         }
     };
-    let all: Vec<Curve> = runs.iter().map(curve).collect();
+    let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
     let names = all.iter().map(|curve| Span::styled(format!("  {}", curve.name), curve.style));
     let title = format!(" {} over {}", measure.label(), axis.label());
     let heading = chart::heading(&Span::styled(title, BOLD), names, area.width);
@@ -277,7 +277,7 @@ fn draw_curves(
         .map(|y| if is_share { format!("{y:.1}") } else { format!("{:.0} %", 100.0 * y) });
     let axes = chart::Axes { x: [0.0, last], over: axis, y: [0.0, high], y_labels };
     // The first ones last, on top.
-    chart::draw(frame, body, axes, all.iter().rev().map(Curve::line));
+    chart::draw(frame, body, axes, all.iter().rev().map(PaneCurve::line));
 }
 
 /// Returns the names in which runs differ, each with its value in every run; of a single run, all

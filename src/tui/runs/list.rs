@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Wish;
-use crate::experiment::runs::{COLUMNS, Kind, SavedRun, State, WRITTEN, name};
+use crate::experiment::runs::{COLUMNS, RunKind, SavedRun, State, WRITTEN, name};
 use gdg::files;
 use gdg::text::{counted, sanitized};
 
@@ -38,7 +38,7 @@ impl Default for List {
 fn is_same(a: &SavedRun, b: &SavedRun) -> bool {
     // A file of records may have several; the settings of a checkpoint may change with it.
     let is_same_run = || match (a.kind, b.kind) {
-        (Kind::Records, _) => a.identity() == b.identity(),
+        (RunKind::Records, _) => a.identity() == b.identity(),
         _ => a.is_damaged() == b.is_damaged(),
     };
     a.source == b.source && is_same_run()
@@ -327,7 +327,7 @@ mod tests {
         assert!(list.toggle_mark());
         assert_eq!(marked(&list), "1city ");
         let of_file = |seed| SavedRun {
-            kind: Kind::Records,
+            kind: RunKind::Records,
             end: None,
             ..saved("own.jsonl", "own", "gdg", seed, &[0.5])
         };

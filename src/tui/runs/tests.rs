@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::SystemTime;
 
 use super::*;
-use crate::experiment::runs::{Kind, SavedRun, State};
+use crate::experiment::runs::{RunKind, SavedRun, State};
 use crate::experiment::spec::EvaluationAt;
 use crate::tui::tests::{click, draw, place_of, press, shown_by, type_text};
 use crate::tui::theme::ThemeName;
@@ -27,7 +27,7 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
     };
     SavedRun {
         source: file.into(),
-        kind: Kind::Checkpoint,
+        kind: RunKind::Checkpoint,
         end: Some(State::Saved),
         map: map.to_owned(),
         method: method.to_owned(),
@@ -49,7 +49,7 @@ pub fn found(runs: &[SavedRun]) -> Vec<Arc<SavedRun>> {
 
 fn damaged(file: impl Into<PathBuf>, problem: &str) -> SavedRun {
     let problem = Some(problem.to_owned());
-    SavedRun { source: file.into(), kind: Kind::Damaged, problem, ..SavedRun::default() }
+    SavedRun { source: file.into(), kind: RunKind::Damaged, problem, ..SavedRun::default() }
 }
 
 impl RunsScreen {
@@ -67,13 +67,13 @@ pub fn screen() -> RunsScreen {
     let mut screen = RunsScreen::new("saves", nothing, opener, &config, keymap);
     screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     let records = |seed, success: &[f64]| SavedRun {
-        kind: Kind::Records,
+        kind: RunKind::Records,
         end: Some(State::Interrupted),
         checkpoint: None,
         ..saved("records/rooms.jsonl", "rooms", "her", seed, success)
     };
     let result = SavedRun {
-        kind: Kind::Result,
+        kind: RunKind::Result,
         end: Some(State::Done),
         variant: Some("small".to_owned()),
         settings: ["preset=tuned", "hidden=8"].map(str::to_owned).to_vec(),
@@ -167,7 +167,7 @@ fn runs_with_a_checkpoint_are_resumed_and_two_on_the_same_map_compared() {
     let wish = Wish { file: path("a"), beside: None, warning: None };
     assert_eq!(screen.wish.take(), Some(wish));
     // Another program still trains it.
-    let grows = SavedRun { kind: Kind::Records, end: None, ..own("a", "own") };
+    let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
     let grows = SavedRun { written: Some(SystemTime::now()), ..grows };
     screen.list(&Found { runs: vec![Arc::new(grows)], read: [1, 1] });
     press(&mut screen, KeyCode::Enter);
@@ -197,7 +197,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     type_text(&mut screen, "Dy");
     assert!(!path("a").exists(), "a file that is no run");
     // A run of two files, one of which has another run, or is removed meanwhile.
-    let records = SavedRun { kind: Kind::Records, end: Some(State::Done), ..own("d") };
+    let records = SavedRun { kind: RunKind::Records, end: Some(State::Done), ..own("d") };
     let joined = SavedRun { others: vec![path("e")], ..records.clone() };
     let other = SavedRun { seed: 8, ..records.clone() };
     screen.show_runs(&[joined, other]);
@@ -209,7 +209,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     assert!(!path("d").exists(), "all files of the run");
     // A file with a run that has ended, and one that goes on.
     let now = |run| Arc::new(SavedRun { written: Some(SystemTime::now()), ..run });
-    let grows = SavedRun { end: None, seed: 9, kind: Kind::Records, ..own("d") };
+    let grows = SavedRun { end: None, seed: 9, kind: RunKind::Records, ..own("d") };
     screen.list(&Found { runs: vec![now(records), now(grows)], read: [1, 1] });
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Delete);

@@ -23,7 +23,7 @@ const COARSE_SPACING: usize = 4;
 const MONO_SPACING: usize = 8;
 
 #[derive(Clone, Copy, PartialEq)]
-pub enum Kind {
+pub enum GroundKind {
     /// Its value, if any.
     Plain,
     Beyond,
@@ -34,7 +34,7 @@ pub enum Kind {
 
 #[derive(Clone, Copy)]
 pub struct Look {
-    pub kind: Kind,
+    pub kind: GroundKind,
     pub wall: f32,
     /// Whether it may be at the edge of the known world.
     pub is_edge: bool,
@@ -42,7 +42,7 @@ pub struct Look {
 
 impl Look {
     pub fn plain(wall: f32) -> Self {
-        Self { kind: Kind::Plain, wall, is_edge: false }
+        Self { kind: GroundKind::Plain, wall, is_edge: false }
     }
 }
 
@@ -140,9 +140,9 @@ pub fn draw(
         [COARSE_SPACING, 1]
     };
     let (spacing, width) = (spacing.max(3), width.max(1));
-    let is_hatched = |x: usize, y: usize, kind: Kind| match kind {
+    let is_hatched = |x: usize, y: usize, kind: GroundKind| match kind {
         _ if is_mono => (x / across + MONO_SPACING / 2 * (y / down)).is_multiple_of(MONO_SPACING),
-        Kind::CutOff => (x + spacing - y % spacing) % spacing < width,
+        GroundKind::CutOff => (x + spacing - y % spacing) % spacing < width,
         _ => (x + y) % spacing < width,
     };
     let [plain, beyond, hatched] = colours.shades();
@@ -168,13 +168,14 @@ pub fn draw(
             let i = y * columns + x;
             let shade = places[x].between(between[places[x].from], between[places[x].to]);
             let shade = if shade.is_nan() { UNKNOWN } else { shade as usize };
-            let is_on = matches!(kind, Kind::Beyond | Kind::CutOff) && is_hatched(x, y, kind);
+            let is_on =
+                matches!(kind, GroundKind::Beyond | GroundKind::CutOff) && is_hatched(x, y, kind);
             let mut rgb = match kind {
-                Kind::Plain => plain[shade],
-                Kind::Beyond if is_on => hatched[shade],
-                Kind::Beyond => beyond[shade],
-                Kind::CutOff => theme.cut_off(is_on),
-                Kind::Outside => outside,
+                GroundKind::Plain => plain[shade],
+                GroundKind::Beyond if is_on => hatched[shade],
+                GroundKind::Beyond => beyond[shade],
+                GroundKind::CutOff => theme.cut_off(is_on),
+                GroundKind::Outside => outside,
             };
             if is_edge && !is_mono && is_beside(x, y) {
                 let (edge, share) = theme.edge();
@@ -184,7 +185,7 @@ pub fn draw(
                 rgb = blend(rgb, theme.wall, wall);
             }
             grounds[i] = match kind {
-                Kind::Outside => Ground::Outside,
+                GroundKind::Outside => Ground::Outside,
                 _ if wall > 0.0 => Ground::Wall,
                 _ => Ground::Floor,
             };
@@ -192,10 +193,10 @@ pub fn draw(
             if is_mono {
                 canvas.marks[i] = match kind {
                     _ if wall > 0.0 => WALL_MARK,
-                    Kind::Plain => colours.mark(shade),
-                    Kind::Beyond if is_on => UNVISITED_MARK,
-                    Kind::CutOff => CUT_OFF_MARK,
-                    Kind::Beyond | Kind::Outside => ' ',
+                    GroundKind::Plain => colours.mark(shade),
+                    GroundKind::Beyond if is_on => UNVISITED_MARK,
+                    GroundKind::CutOff => CUT_OFF_MARK,
+                    GroundKind::Beyond | GroundKind::Outside => ' ',
                 };
             }
         }

@@ -21,7 +21,7 @@ use crate::tui::screen::Screen;
 use crate::tui::text::{fact, heading};
 use draw::short;
 use gdg::engine::Snapshot;
-use gdg::env::{GoalSpace, Scene};
+use gdg::env::{GoalSpace, WorldScene};
 use gdg::viewer::{Field, Request, View};
 
 /// How far a key moves the goal: of an arm in metres, else as a share of what is shown.
@@ -61,18 +61,18 @@ pub struct SpaceState {
 
 fn space(screen: &Screen) -> Option<&GoalSpace> {
     match &screen.snapshot.scene {
-        Scene::Goals(space) => Some(space),
+        WorldScene::Goals(space) => Some(space),
         _ => None,
     }
 }
 
 impl SpaceState {
     pub fn of(snapshot: &Snapshot) -> Self {
-        Self { is_arm: matches!(snapshot.scene, Scene::Arm(_)), ..Self::default() }
+        Self { is_arm: matches!(snapshot.scene, WorldScene::Arm(_)), ..Self::default() }
     }
 
-    pub fn draws(&self, scene: &Scene) -> bool {
-        matches!((self.is_arm, scene), (true, Scene::Arm(_)) | (false, Scene::Goals(_)))
+    pub fn draws(&self, scene: &WorldScene) -> bool {
+        matches!((self.is_arm, scene), (true, WorldScene::Arm(_)) | (false, WorldScene::Goals(_)))
     }
 
     /// Returns the components shown, to the right and upwards, for goals of `count` components.
@@ -103,7 +103,7 @@ impl SpaceState {
 
 impl SpaceState {
     fn draw_goal(&mut self, screen: &mut Screen, link: &mut Link) {
-        if let Scene::Arm(arm) = &screen.snapshot.scene {
+        if let WorldScene::Arm(arm) = &screen.snapshot.scene {
             let goal = arm.random_goal(&mut link.rng).to_vec();
             return self.set_goal(goal, screen, link);
         }
@@ -116,7 +116,7 @@ impl SpaceState {
     pub fn set_goal(&mut self, goal: Vec<f32>, screen: &mut Screen, link: &mut Link) {
         link.return_to_present(screen);
         self.goal = match (&screen.snapshot.scene, <[f32; 3]>::try_from(&*goal)) {
-            (Scene::Arm(arm), Ok(at)) => arm.nearest_goal(at).to_vec(),
+            (WorldScene::Arm(arm), Ok(at)) => arm.nearest_goal(at).to_vec(),
             _ => goal,
         };
         let request = Request::Goal(Some(self.goal.clone()), link.next_goal_request());

@@ -51,7 +51,7 @@ pub struct Tour {
 }
 
 impl Tour {
-    fn current(&self) -> &'static Step {
+    fn current(&self) -> &'static TourStep {
         &STEPS[self.step]
     }
 
@@ -139,7 +139,7 @@ impl Guide {
             return false;
         }
         tour.looked_at = tour.elapsed;
-        let Step { reading_secs, limit_secs, .. } = tour.current();
+        let TourStep { reading_secs, limit_secs, .. } = tour.current();
         let is_read = tour.seen_at.is_some_and(|at| tour.elapsed >= at + reading_secs);
         let is_over = is_read || tour.elapsed >= *limit_secs;
         if is_over {
@@ -267,7 +267,7 @@ const LEAST_GAIN_STEPS: f32 = 6.0;
 const LEAST_GAIN: f32 = 0.15;
 const LEAST_PART: f32 = 0.2;
 
-pub struct Step {
+pub struct TourStep {
     pub title: &'static str,
     /// Seconds to read it after its subject has been seen, and until it ends anyway.
     pub reading_secs: f32,
@@ -283,11 +283,11 @@ const fn step(
     [reading_secs, limit_secs]: [f32; 2],
     enter: fn(&mut Tour, &mut Cx),
     look: fn(&mut Tour, &mut Cx) -> Option<Caption>,
-) -> Step {
-    Step { title, reading_secs, limit_secs, enter, look }
+) -> TourStep {
+    TourStep { title, reading_secs, limit_secs, enter, look }
 }
 
-pub const STEPS: &[Step] = &[
+pub const STEPS: &[TourStep] = &[
     step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
     step("D bends", [7.0, 25.0], |_, _| {}, bending),
     step("A bridge", [12.0, 30.0], |_, _| {}, bridge),

@@ -2,8 +2,8 @@
 //! worlds.
 
 use super::*;
-use crate::tui::scene::Scene as Shown;
-use gdg::env::{FetchReach, Scene};
+use crate::tui::scene::Scene;
+use gdg::env::{FetchReach, WorldScene};
 use gdg::viewer::{Candidate, Graph, Plane, Reach, View};
 
 /// Returns an app that does not train.
@@ -104,7 +104,7 @@ fn keys_move_the_goal_by_a_centimetre_in_the_chosen_projection() {
     press(&mut app, KeyCode::Left);
     moved(&app, [0.01, -0.01, 0.01]);
     (0..99).for_each(|_| press(&mut app, KeyCode::Left));
-    let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
+    let WorldScene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     assert_eq!(app.space().goal[1], scene.goals()[0][1], "the region of goals ends here");
 }
 
@@ -125,7 +125,7 @@ fn a_drag_turns_the_free_projection_and_a_click_there_sets_the_goal() {
     let free = app.screen.layout.projections[3].clone();
     let wanted = <[f32; 3]>::try_from(free.point_at(middle, &goal)).expect("a position");
     click(&mut app, MouseButton::Left, middle);
-    let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
+    let WorldScene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     assert_eq!(app.space().goal, scene.nearest_goal(wanted));
     mouse(&mut app, MouseEventKind::ScrollUp, middle);
     assert!(app.space().shown.camera.zoom > 1.0);
@@ -175,8 +175,8 @@ fn maps_and_worlds_open_from_each_others_screens() {
         assert_eq!((app.scene.noun(), app.scene.title(&app.screen.snapshot)), (noun, name));
         draw(&mut app, 80, 24);
         wait_until(&mut app, |app| match &app.scene {
-            Shown::Space(space) => !space.view.fields.is_empty(),
-            Shown::Maze(maze) => {
+            Scene::Space(space) => !space.view.fields.is_empty(),
+            Scene::Maze(maze) => {
                 maze.view.field().map(|(_, raster)| raster)
                     == app.screen.layout.map.as_ref().map(|map| map.raster)
             }

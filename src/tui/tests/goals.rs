@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::tui::panes::Pane;
-use gdg::env::{FetchReach, GoalSpace, Scene as World};
+use gdg::env::{FetchReach, GoalSpace, WorldScene};
 use gdg::train::DataSource;
 use gdg::viewer::View;
 
@@ -10,7 +10,7 @@ use gdg::viewer::View;
 pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let arm = FetchReach::new(0);
     let mut snapshot = Snapshot::clone(&still_in(&arm, Method::default()).screen.snapshot);
-    snapshot.scene = World::Goals(Box::new(GoalSpace::of(&arm, None)));
+    snapshot.scene = WorldScene::Goals(Box::new(GoalSpace::of(&arm, None)));
     let mut app = still_at(snapshot);
     app.set_arm_goal([1.42, 0.83, 0.6]);
     // What is known of the space decides which part is shown.

@@ -115,7 +115,7 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Option<Self> {
         let before = self.candidates();
-        let mut rows = Rows::new(candidates);
+        let mut rows = DistanceRows::new(candidates);
         for from in 0..candidates.len() {
             if job.is_cancelled() {
                 return None;
@@ -174,7 +174,7 @@ impl BridgeGraph {
             && from.is_sorted()
             && distances.iter().all(|distance| (0.0..f32::INFINITY).contains(distance));
         StoreError::unless(fits, misfit)?;
-        let rows = Rows::new(&candidates);
+        let rows = DistanceRows::new(&candidates);
         let edges = from.iter().zip(&to).zip(&distances).map(|((from, to), distance)| {
             rows.edge(*from as usize, *to as usize, *distance)
                 .ok_or_else(|| StoreError::inconsistent(misfit))
@@ -218,7 +218,7 @@ impl BridgeGraph {
 }
 
 /// The edges of a graph under construction, from one candidate after the other.
-struct Rows<'a> {
+struct DistanceRows<'a> {
     candidates: &'a Candidates,
     /// Overhead of passing a waypoint, in steps.
     hop: f32,
@@ -230,7 +230,7 @@ struct Rows<'a> {
     distances: Vec<f32>,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> DistanceRows<'a> {
     fn new(candidates: &'a Candidates) -> Self {
         let Candidates { spec, settings, .. } = candidates;
         let verified = settings.verify_edges && settings.keep_observed_edges;

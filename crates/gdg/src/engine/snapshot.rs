@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::{EVALUATE_EVERY_UPDATES, Worker};
 use crate::bridge::{Candidates, SearchOutcome};
-use crate::env::Scene;
+use crate::env::WorldScene;
 use crate::job::Job;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::{
@@ -69,7 +69,7 @@ pub struct Snapshot {
     pub generation: u64,
     pub title: Arc<str>,
     /// Drawable contents of the world, updated with the networks.
-    pub scene: Scene,
+    pub scene: WorldScene,
     pub registry: Arc<Registry>,
     /// Default settings of worlds of this kind, as `name=value`.
     pub world_defaults: &'static [&'static str],

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value};
 
-use super::{EnvError, Environment, GroundTruth, Region, Scene, Task, TaskSet};
+use super::{EnvError, Environment, GroundTruth, Region, Task, TaskSet, WorldScene};
 use crate::store::Store;
 
 /// The abilities of a world; by default none.
@@ -150,7 +150,7 @@ pub trait Editable {
 /// A world that front ends draw.
 pub trait Drawn {
     /// Returns what a front end draws, given the visits to each place of an [`Explored`] world.
-    fn scene(&self, visits: &Arc<Vec<u32>>) -> Scene;
+    fn scene(&self, visits: &Arc<Vec<u32>>) -> WorldScene;
 
     /// Returns the states at which the film of a run shows D, or `None` if this world has no film.
     /// `goal_before` is the goal of the film so far, which it should keep. The number of places

@@ -22,10 +22,10 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Abilities, DistanceUnit, Drawn, EnvError, EnvSettings, Environment, Episodes, Evaluated,
-    Probes, Recorded, Scene, Spec, Task, TaskSet, WorldKind,
+    Probes, Recorded, Spec, Task, TaskSet, WorldKind, WorldScene,
 };
 use arm::{Arm, STEP_SECS};
-use constraints::Rows;
+use constraints::ConstraintRows;
 use model::GOAL_CENTRE;
 pub use scene::{ArmScene, Corners, Pose, ProbeLattice};
 use scene::{film_probes, random_goal};
@@ -77,7 +77,7 @@ pub struct FetchReach {
     arms: Vec<Arm>,
     /// `(agents, 10)`.
     states: Vec<f32>,
-    rows: Rows,
+    rows: ConstraintRows,
 }
 
 impl FetchReach {
@@ -100,7 +100,7 @@ impl FetchReach {
             noise: 0.0,
             arms: vec![Arm::at_reset(); agents],
             states: vec![0.0; agents * STATE],
-            rows: Rows::new(),
+            rows: ConstraintRows::new(),
         };
         (0..agents).for_each(|agent| world.observe(agent));
         world
@@ -246,8 +246,8 @@ impl Evaluated for FetchReach {
 }
 
 impl Drawn for FetchReach {
-    fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
-        Scene::Arm(ArmScene)
+    fn scene(&self, _: &Arc<Vec<u32>>) -> WorldScene {
+        WorldScene::Arm(ArmScene)
     }
 
     fn probes(&self, _: Option<&[f32]>) -> Option<Probes> {

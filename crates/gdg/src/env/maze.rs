@@ -13,8 +13,8 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Abilities, Change, Drawn, Editable, EnvError, EnvSettings, Environment, Episodes, Evaluated,
-    Explored, Goals, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Scene, Spec, Task,
-    TaskSet, WorldKind,
+    Explored, Goals, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Spec, Task,
+    TaskSet, WorldKind, WorldScene,
 };
 use crate::map::{
     Cell, Components, Diameter, Grid, MapScale, Ogbench, ScenarioTask, fingerprint, parse_map,
@@ -513,8 +513,8 @@ impl Editable for PointMaze {
 }
 
 impl Drawn for PointMaze {
-    fn scene(&self, visits: &Arc<Vec<u32>>) -> Scene {
-        Scene::Maze(MazeScene { map: self.map.clone(), visits: visits.clone() })
+    fn scene(&self, visits: &Arc<Vec<u32>>) -> WorldScene {
+        WorldScene::Maze(MazeScene { map: self.map.clone(), visits: visits.clone() })
     }
 
     fn probes(&self, goal_before: Option<&[f32]>) -> Option<Probes> {

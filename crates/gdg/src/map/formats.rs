@@ -207,7 +207,7 @@ fn too_large(text: &Text, width: usize, height: usize) -> Box<MapError> {
 }
 
 /// The rows read so far, all of the first one's length.
-struct Rows<'a> {
+struct MarkRows<'a> {
     text: &'a Text<'a>,
     /// Cells of the first row, once it has ended.
     width: Option<usize>,
@@ -216,7 +216,7 @@ struct Rows<'a> {
     marks: Vec<Mark>,
 }
 
-impl<'a> Rows<'a> {
+impl<'a> MarkRows<'a> {
     fn new(text: &'a Text<'a>) -> Self {
         Self { text, width: None, row: 0, marks: Vec::new() }
     }

@@ -29,12 +29,12 @@ const FIELDS: usize = 9;
 #[derive(Clone, Debug)]
 pub struct Scenario {
     file: String,
-    entries: Vec<Entry>,
+    entries: Vec<TaskLine>,
 }
 
 /// A task as in the file.
 #[derive(Clone, Debug)]
-struct Entry {
+struct TaskLine {
     /// Line, from 0.
     line: usize,
     /// The line itself, empty for an agent of a map.
@@ -83,7 +83,7 @@ impl Scenario {
     /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.
     fn of_agents(text: &Text) -> MapResult<Self> {
         let (size, agents) = agents(text)?;
-        let entries = agents.iter().map(|Agent { start, goal }| Entry {
+        let entries = agents.iter().map(|Agent { start, goal }| TaskLine {
             line: start.1.line,
             text: String::new(),
             marks: Some([start.1, goal.1].map(|place| text.error_at(place, "", ""))),
@@ -130,7 +130,7 @@ impl Scenario {
     }
 }
 
-impl Entry {
+impl TaskLine {
     /// Whether coordinates refer to a map of another size; a size of 0 x 0 is that of the map.
     fn is_scaled(&self, grid: &Grid) -> bool {
         self.size != (0, 0) && self.size != (grid.width(), grid.height())
@@ -212,7 +212,7 @@ impl Entry {
     }
 }
 
-fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
+fn parse_entry(text: &Text, line: usize) -> MapResult<TaskLine> {
     let whole = text.lines[line];
     let fields = fields(whole);
     if fields.len() != FIELDS {
@@ -226,7 +226,7 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
     let number =
         |field: usize| fields[field].1.parse::<usize>().map_err(|_| error(field, "an integer"));
     let length = fields[8].1.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-    Ok(Entry {
+    Ok(TaskLine {
         line,
         text: whole.to_owned(),
         marks: None,

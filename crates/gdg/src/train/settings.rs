@@ -217,7 +217,7 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::settings::{Excluded, Kind};
+    use crate::settings::{Excluded, ValueKind};
     use crate::train::with_setting;
 
     fn with(setting: &Setting, value: Value) -> Option<Settings> {
@@ -236,25 +236,25 @@ mod tests {
     }
 
     /// Returns the outermost values of this kind, and those beyond.
-    fn bounds(kind: Kind) -> [Vec<Value>; 2] {
+    fn bounds(kind: ValueKind) -> [Vec<Value>; 2] {
         match kind {
-            Kind::Switch => [vec![true.into(), false.into()], vec![0.into()]],
-            Kind::Word(words) => {
+            ValueKind::Switch => [vec![true.into(), false.into()], vec![0.into()]],
+            ValueKind::Word(words) => {
                 [words.iter().map(|word| (*word).into()).collect(), vec!["other".into(), 1.into()]]
             }
-            Kind::Count { from, to } => {
+            ValueKind::Count { from, to } => {
                 let beyond = [from.checked_sub(1), to.checked_add(1)].into_iter().flatten();
                 let fraction = json!(from as f64 + 0.5);
                 [vec![from.into(), to.into()], beyond.map(Value::from).chain([fraction]).collect()]
             }
-            Kind::Number { from, to, excluded, .. } => {
+            ValueKind::Number { from, to, excluded, .. } => {
                 let lower = matches!(excluded, Excluded::Lower | Excluded::Both);
                 let upper = matches!(excluded, Excluded::Upper | Excluded::Both);
                 let from = if lower { [from.next_up(), from] } else { [from, from.next_down()] };
                 let to = if upper { [to.next_down(), to] } else { [to, to.next_up()] };
                 [0, 1].map(|k| vec![number(from[k]), number(to[k])])
             }
-            Kind::Numbers { max_len, from, to } => {
+            ValueKind::Numbers { max_len, from, to } => {
                 let list = |value: f32, len: usize| Value::from(vec![number(value); len]);
                 let beyond = [from.next_down(), to.next_up()].map(|value| list(value, 1));
                 [

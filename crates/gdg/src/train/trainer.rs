@@ -23,7 +23,7 @@ use super::score::Evaluation;
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
-use crate::env::{EnvError, Environment, Episodes, Goals, Scene, Spec, TaskSet};
+use crate::env::{EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
 use crate::job::Job;
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
@@ -183,7 +183,7 @@ impl Trainer {
         self.rollout.env()
     }
 
-    pub fn scene(&self) -> Scene {
+    pub fn scene(&self) -> WorldScene {
         self.visits.scene(self.world())
     }
 

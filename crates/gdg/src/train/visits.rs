@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{Environment, Explored, GoalSpace, Scene};
+use crate::env::{Environment, Explored, GoalSpace, WorldScene};
 use crate::store::StoreError;
 
 /// Visits to each place; empty if the world has no places.
@@ -36,10 +36,10 @@ impl Visits {
         world.abilities().explored.map(|explored| explored.coverage(&self.0))
     }
 
-    pub fn scene(&self, world: &dyn Environment) -> Scene {
+    pub fn scene(&self, world: &dyn Environment) -> WorldScene {
         match world.abilities().drawn {
             Some(drawn) => drawn.scene(&self.0),
-            None => Scene::Goals(Box::new(GoalSpace::of(world, None))),
+            None => WorldScene::Goals(Box::new(GoalSpace::of(world, None))),
         }
     }
 

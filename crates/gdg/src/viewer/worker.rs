@@ -13,7 +13,7 @@ use super::pilot::{OnArrival, Pilot, Reach, RefreshTimer};
 use super::{Field, Plane, Request, View};
 use crate::bridge::BridgeGraph;
 use crate::engine::{Networks, Snapshot};
-use crate::env::{Environment, FetchReach, PointMaze, Scene};
+use crate::env::{Environment, FetchReach, PointMaze, WorldScene};
 use crate::learn::{Policy, Scratch};
 use crate::map::{Cell, Grid, PointSearch, StepSearch, UNREACHABLE};
 use crate::train::FilmFrame;
@@ -33,7 +33,7 @@ const LINK_CANDIDATES_PER_PIXEL: usize = 6;
 
 /// What is shown of a run, and how it is computed.
 pub struct Worker {
-    scene: Scene,
+    scene: WorldScene,
     /// The agent's world; `None` if it has failed from the start.
     world: Option<Box<dyn Environment>>,
     rng: ChaCha8Rng,
@@ -63,9 +63,9 @@ pub struct Worker {
 impl Worker {
     pub fn new(snapshot: &Snapshot) -> Self {
         let world: Result<Box<dyn Environment>, _> = match &snapshot.scene {
-            Scene::Goals(space) => space.world(),
-            Scene::Arm(_) => Ok(Box::new(FetchReach::new(1))),
-            Scene::Maze(maze) => Ok(Box::new(PointMaze::new(maze.map.clone(), 1))),
+            WorldScene::Goals(space) => space.world(),
+            WorldScene::Arm(_) => Ok(Box::new(FetchReach::new(1))),
+            WorldScene::Maze(maze) => Ok(Box::new(PointMaze::new(maze.map.clone(), 1))),
         };
         let mut rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
         // The screen draws its goals from the first stream.
@@ -103,9 +103,9 @@ impl Worker {
     /// Changes to the world of the latest snapshot, to which requests refer.
     pub fn enter(&mut self, snapshot: &Snapshot) {
         let stays = match (&self.scene, &snapshot.scene) {
-            (Scene::Arm(own), Scene::Arm(other)) => own == other,
-            (Scene::Goals(own), Scene::Goals(other)) => own == other,
-            (Scene::Maze(own), Scene::Maze(other)) => {
+            (WorldScene::Arm(own), WorldScene::Arm(other)) => own == other,
+            (WorldScene::Goals(own), WorldScene::Goals(other)) => own == other,
+            (WorldScene::Maze(own), WorldScene::Maze(other)) => {
                 let before = own.map.clone();
                 self.scene = snapshot.scene.clone();
                 if !Arc::ptr_eq(&before, &other.map) {
@@ -276,9 +276,9 @@ impl Worker {
             return;
         }
         let most = match &self.scene {
-            Scene::Arm(arm) => arm.episode_steps(),
-            Scene::Goals(space) => space.episode_steps().unwrap_or(WALK_STEPS),
-            Scene::Maze(_) => (3 * reach.shortest.unwrap_or(0)).max(WALK_STEPS),
+            WorldScene::Arm(arm) => arm.episode_steps(),
+            WorldScene::Goals(space) => space.episode_steps().unwrap_or(WALK_STEPS),
+            WorldScene::Maze(_) => (3 * reach.shortest.unwrap_or(0)).max(WALK_STEPS),
         };
         if reach.steps >= most || world.has_ended(0) {
             reach.finished.1 += 1;
@@ -304,7 +304,7 @@ impl Worker {
         }
         reach.steps += 1;
         reach.way = [std::slice::from_ref(&reach.at), &path].concat();
-        if let Scene::Maze(maze) = &self.scene {
+        if let WorldScene::Maze(maze) = &self.scene {
             let positions: Vec<[f32; 2]> = reach.way.iter().map(|at| [at[0], at[1]]).collect();
             // The straight line to a goal is no plan if no path leads there, or only one around
             // walls that the actor alone has to find.
@@ -358,7 +358,7 @@ impl Worker {
     fn refresh_fields(&mut self) {
         let began = Instant::now();
         let planes = self.planes.clone();
-        let past = self.past.clone().filter(|_| !matches!(self.scene, Scene::Goals(_)));
+        let past = self.past.clone().filter(|_| !matches!(self.scene, WorldScene::Goals(_)));
         let fields: Vec<Vec<f32>> = if let Some(frame) = &past {
             planes.iter().map(|plane| self.field_of_past(frame, plane)).collect()
         } else {
@@ -377,7 +377,7 @@ impl Worker {
 
     fn field_of_past(&mut self, frame: &FilmFrame, plane: &Plane) -> Vec<f32> {
         match &self.scene {
-            Scene::Arm(arm) => field_of_arm(*arm, frame, plane),
+            WorldScene::Arm(arm) => field_of_arm(*arm, frame, plane),
             _ => self.filmed().map_or(Vec::new(), |filmed| filmed.field(frame, plane.raster)),
         }
     }
@@ -399,12 +399,12 @@ impl Worker {
         let (spec, mut state) = (world.spec(), world.states().to_vec());
         let mut near = goal;
         let (shown, places) = match &self.scene {
-            Scene::Maze(maze) => {
+            WorldScene::Maze(maze) => {
                 let (shown, positions) = plane.raster.free_ground(&maze.map);
                 (shown, positions.as_flattened().to_vec())
             }
             scene => {
-                if matches!(scene, Scene::Arm(_)) {
+                if matches!(scene, WorldScene::Arm(_)) {
                     state.fill(0.0);
                 } else if kind != Field::FromStart {
                     near = &self.view.reach.at;
@@ -426,11 +426,11 @@ impl Worker {
         }
         let (positions, _) = places.as_chunks::<2>();
         let values = match (kind, &self.scene) {
-            (Field::Visits, Scene::Maze(maze)) => {
+            (Field::Visits, WorldScene::Maze(maze)) => {
                 let of = |at: &[f32; 2]| maze.visits.get(maze.map.index(cell_of(*at)));
                 positions.iter().map(|at| of(at).copied().unwrap_or(0) as f32).collect()
             }
-            (Field::True, Scene::Maze(_)) => self.true_distances(positions, goal),
+            (Field::True, WorldScene::Maze(_)) => self.true_distances(positions, goal),
             _ => {
                 let (graph, start) = (self.pilot.graph(), &*self.view.reach.start_state);
                 let (policy, scratch) = (&*self.networks.policy, &mut self.scratch);
@@ -487,7 +487,7 @@ impl Worker {
 
     /// Derives what has been explored from the latest visits, if they are new.
     fn refresh_exploration(&mut self, snapshot: &Snapshot) {
-        let Scene::Maze(maze) = &self.scene else { return };
+        let WorldScene::Maze(maze) = &self.scene else { return };
         if Arc::ptr_eq(&maze.visits, &self.visits) || !self.exploration_timer.is_due(snapshot) {
             return;
         }
@@ -504,7 +504,7 @@ impl Worker {
 
     fn inspected(&mut self) -> Option<CellInfo> {
         let (cell, goal) = (self.inspect?, self.view.goal.0.clone()?);
-        let Scene::Maze(maze) = self.scene.clone() else { return None };
+        let WorldScene::Maze(maze) = self.scene.clone() else { return None };
         let (map, at) = (&maze.map, cell.centre());
         if !map.contains(cell) || !map.is_free(cell) {
             return None;

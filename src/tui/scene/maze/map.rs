@@ -18,7 +18,7 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::marker::Marker;
 use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::scene::SceneKind;
-use crate::tui::scene::ground::{self, Colours, Kind, Look};
+use crate::tui::scene::ground::{self, Colours, GroundKind, Look};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, Painter};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{Theme, ThemeName, blend, ink};
@@ -52,7 +52,7 @@ const PANE_DIVISOR: u16 = 3;
 /// What the next frame can reuse.
 #[derive(Default)]
 pub struct Cache {
-    base: Option<Base>,
+    base: Option<BaseLayer>,
     /// Whether the terminal shows pictures.
     has_pictures: bool,
     picture: Option<Picture>,
@@ -138,7 +138,7 @@ impl Key {
 }
 
 /// Map and field only, which change far less often than what moves on them.
-struct Base {
+struct BaseLayer {
     key: Key,
     canvas: Canvas,
     /// The canvas as characters, unless it is a picture.
@@ -167,7 +167,7 @@ pub fn draw(
     let character = screen.picture_character().filter(|_| cache.has_pictures);
     let key = Key::new(&map_frame, character, maze, screen);
     let before = cache.base.take();
-    let may_stay = |base: &Base| {
+    let may_stay = |base: &BaseLayer| {
         let rests = match screen.redraw {
             Redraw::All => false,
             Redraw::Nothing => cache.picture.is_some(),
@@ -181,7 +181,7 @@ pub fn draw(
     };
     let base = match before {
         Some(base) if base.key.is(&key) || may_stay(&base) => base,
-        before => Base::new(key, before, maze, screen),
+        before => BaseLayer::new(key, before, maze, screen),
     };
     layout.own_contour_interval = base.own_interval;
     layout.contour_interval = shown_interval(base.own_interval, screen);
@@ -211,7 +211,7 @@ fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
     own.map(|own| own.max(screen.least_contour_interval))
 }
 
-impl Base {
+impl BaseLayer {
     /// Draws map and field, with contour lines at the same interval as `before` if possible.
     fn new(key: Key, before: Option<Self>, maze: &MazeState, screen: &Screen) -> Self {
         let began = Instant::now();
@@ -231,7 +231,9 @@ impl Base {
             // Not at walls within pixels, which lines would follow as distances jump there, and
             // not where values mean nothing.
             let open = |(value, ground): (&f32, &Ground)| match ground {
-                Ground::Free(at) if !matches!(known.kind(*at), Kind::CutOff | Kind::Beyond) => {
+                Ground::Free(at)
+                    if !matches!(known.kind(*at), GroundKind::CutOff | GroundKind::Beyond) =>
+                {
                     *value
                 }
                 _ => f32::NAN,
@@ -287,14 +289,14 @@ impl<'a> Known<'a> {
         self.exploration.map(|exploration| exploration.at(at))
     }
 
-    fn kind(&self, at: [f32; 2]) -> Kind {
+    fn kind(&self, at: [f32; 2]) -> GroundKind {
         let cell = Cell::new(at[0] as usize, at[1] as usize);
         if self.cut_off.get(self.maze.map.index(cell)) == Some(&true) {
-            return Kind::CutOff;
+            return GroundKind::CutOff;
         }
         match self.knowledge(at) {
-            Some(Knowledge::Beyond) if self.field.fades() => Kind::Beyond,
-            _ => Kind::Plain,
+            Some(Knowledge::Beyond) if self.field.fades() => GroundKind::Beyond,
+            _ => GroundKind::Plain,
         }
     }
 
@@ -354,7 +356,7 @@ fn draw_ground(canvas: &mut Canvas, key: &Key, grounds: &[Ground], known: &Known
 /// Returns the look of a pixel as characters show it, given that of free positions.
 fn coarse_look(ground: Ground, free: impl Fn([f32; 2]) -> Look) -> Look {
     match ground {
-        Ground::Outside => Look { kind: Kind::Outside, ..Look::plain(0.0) },
+        Ground::Outside => Look { kind: GroundKind::Outside, ..Look::plain(0.0) },
         Ground::Wall => Look::plain(1.0),
         Ground::Crossed(_) => Look::plain(CROSSED_WALL_SHARE),
         Ground::Free(at) => free(at),
@@ -365,7 +367,7 @@ fn coarse_look(ground: Ground, free: impl Fn([f32; 2]) -> Look) -> Look {
 fn block_look(xs: (usize, usize), ys: (usize, usize), known: &Known, several: bool) -> Look {
     let map = &known.maze.map;
     if xs.0 >= map.width() || ys.0 >= map.height() {
-        return Look { kind: Kind::Outside, ..Look::plain(0.0) };
+        return Look { kind: GroundKind::Outside, ..Look::plain(0.0) };
     }
     let row =
         |y: usize| &map.free()[y * map.width() + xs.0..y * map.width() + xs.1.min(map.width())];

@@ -19,7 +19,7 @@ use crate::tui::style::{BOLD, REVERSED};
 use crate::tui::text::heading;
 use crate::tui::theme::{ColourDepth, blend};
 use gdg::env::fetch_reach::{Corners, Pose};
-use gdg::env::{ArmScene, GoalSpace, Scene};
+use gdg::env::{ArmScene, GoalSpace, WorldScene};
 
 /// Radii in metres: links (as the arm collides), joints and fingers.
 const LINK_RADIUS: f32 = 0.026;
@@ -38,8 +38,8 @@ pub fn draw(
 ) {
     let mut title = None;
     match &screen.snapshot.scene {
-        Scene::Arm(_) => layout.projections = arrange(area, &state.shown, screen.marker),
-        Scene::Goals(space) => {
+        WorldScene::Arm(_) => layout.projections = arrange(area, &state.shown, screen.marker),
+        WorldScene::Goals(space) => {
             let parts = Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]);
             let [name, area] = parts.areas(area);
             let (spec, count) = (space.spec(), space.spec().goal_dim());
@@ -52,7 +52,7 @@ pub fn draw(
             layout.projections = shown.into_iter().collect();
         }
         // A run in a maze has begun, which is drawn from the next frame on.
-        Scene::Maze(_) => return,
+        WorldScene::Maze(_) => return,
     }
     layout.contour_interval = contour_interval(state, screen);
     for projection in &layout.projections {
@@ -91,7 +91,7 @@ fn draw_projection(
     let (scene, count) = (&screen.snapshot.scene, plane.across.len());
     let place = |at: &[f32]| (at.len() >= count).then(|| plane.flat(&at[..count]));
     let at_state = |at: &[f32]| match scene {
-        Scene::Goals(space) => {
+        WorldScene::Goals(space) => {
             let place = || space.spec().achieved(at).collect::<Vec<_>>();
             (at.len() == space.spec().state_dim()).then(|| plane.flat(&place()))
         }
@@ -103,7 +103,7 @@ fn draw_projection(
     let mut painter = Painter { canvas, screen, theme, place: &place, state: &at_state, sizes };
     draw_field(&mut painter, projection, state, layout);
     let (past, goal) = (state.past(), place(&state.shown_goal()));
-    if let Scene::Arm(arm) = scene {
+    if let WorldScene::Arm(arm) = scene {
         draw_surroundings(&mut painter, *arm);
     }
     if past.is_none() {
@@ -128,7 +128,7 @@ fn draw_projection(
         }
     }
     let radius = match scene {
-        Scene::Arm(arm) => arm.goal_radius(),
+        WorldScene::Arm(arm) => arm.goal_radius(),
         _ => space(screen).map_or(0.0, |space| space.spec().goal_radius),
     };
     if let Some([x, y]) = goal {
@@ -207,8 +207,8 @@ fn draw_field(
     let (scene, near) = (&screen.snapshot.scene, vec![0.0; plane.across.len()]);
     let looks = |y: usize, looks: &mut [Look]| {
         for (x, look) in looks.iter_mut().enumerate() {
-            let is_wall =
-                matches!(scene, Scene::Goals(_)) && !plane.is_open(y * columns + x, &near, scene);
+            let is_wall = matches!(scene, WorldScene::Goals(_))
+                && !plane.is_open(y * columns + x, &near, scene);
             *look = Look::plain(f32::from(u8::from(is_wall)));
         }
     };
@@ -256,7 +256,7 @@ pub fn legend(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     let of_depth = |of_mono: char, other: char| if mono { of_mono } else { other };
     match &screen.snapshot.scene {
-        Scene::Arm(_) => {
+        WorldScene::Arm(_) => {
             let table = blend(theme.wall, theme.cursor, 0.3);
             let signs = [
                 ('G', theme.goal, "goal, and 5 cm around it"),
@@ -267,12 +267,12 @@ pub fn legend(state: &SpaceState, screen: &Screen) -> Vec<Line<'static>> {
             ];
             lines.extend(signs.map(|(symbol, rgb, meaning)| sign(screen, symbol, rgb, meaning)));
         }
-        Scene::Goals(space) => {
+        WorldScene::Goals(space) => {
             let text = format!("goal, and {} around it", short(space.spec().goal_radius));
             lines.push(sign(screen, 'G', theme.goal, &text));
             lines.push(sign(screen, '@', theme.walker, "agent that reaches for it"));
         }
-        Scene::Maze(_) => {}
+        WorldScene::Maze(_) => {}
     }
     if screen.run().method.plans() {
         lines.push(heading("edges"));

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::constraints::{self, Mocap, Rows, accelerations};
+use super::constraints::{self, ConstraintRows, Mocap, accelerations};
 use super::dynamics::Dynamics;
 use super::model::{CHAIN, Frames, JOINTS, Joints, add_scaled, product, solve};
 
@@ -80,7 +80,7 @@ impl Arm {
 
     /// Moves it by one step: a weld pulls the gripper, pointing down, to where `action` (x, y, z in
     /// [-1, 1]) points. `rows` is a buffer.
-    pub fn step(&mut self, action: DVec3, rows: &mut Rows) {
+    pub fn step(&mut self, action: DVec3, rows: &mut ConstraintRows) {
         let mut frames = self.frames();
         let q = frames.orientation;
         let mocap = Mocap {
@@ -94,7 +94,7 @@ impl Arm {
         }
     }
 
-    fn substep(&mut self, frames: &Frames, mocap: &Mocap, rows: &mut Rows) {
+    fn substep(&mut self, frames: &Frames, mocap: &Mocap, rows: &mut ConstraintRows) {
         let Self { angles, velocities, warm_start } = self;
         let dynamics = Dynamics::new(frames, angles, velocities);
         rows.clear();

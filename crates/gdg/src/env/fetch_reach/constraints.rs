@@ -20,7 +20,7 @@ pub const MAX_ROWS: usize = WELD_ROWS + LIMITED + CORNERS * PYRAMID;
 
 /// One row: it pulls the acceleration `a` of the joints towards `jacobian · a = target`.
 #[derive(Clone, Copy, Debug)]
-pub struct Row {
+pub struct ConstraintRow {
     pub jacobian: Joints,
     /// Reference acceleration.
     pub target: f64,
@@ -30,15 +30,15 @@ pub struct Row {
 
 /// The active rows: the weld's, which always count, then those that count only where `jacobian · a
 /// < target`.
-pub struct Rows {
-    rows: [Row; MAX_ROWS],
+pub struct ConstraintRows {
+    rows: [ConstraintRow; MAX_ROWS],
     length: usize,
 }
 
-impl Rows {
+impl ConstraintRows {
     pub fn new() -> Self {
         Self {
-            rows: [Row { jacobian: [0.0; JOINTS], target: 0.0, weight: 0.0 }; MAX_ROWS],
+            rows: [ConstraintRow { jacobian: [0.0; JOINTS], target: 0.0, weight: 0.0 }; MAX_ROWS],
             length: 0,
         }
     }
@@ -48,16 +48,16 @@ impl Rows {
     }
 
     /// Returns the rows that always count.
-    pub fn equalities(&self) -> &[Row] {
+    pub fn equalities(&self) -> &[ConstraintRow] {
         &self.rows[..WELD_ROWS.min(self.length)]
     }
 
     /// Returns the rows that count on one side only.
-    pub fn inequalities(&self) -> &[Row] {
+    pub fn inequalities(&self) -> &[ConstraintRow] {
         &self.rows[WELD_ROWS.min(self.length)..self.length]
     }
 
-    fn push(&mut self, row: Row) {
+    fn push(&mut self, row: ConstraintRow) {
         self.rows[self.length] = row;
         self.length += 1;
     }
@@ -101,9 +101,9 @@ impl Stiffness {
         residual: f64,
         velocities: &Joints,
         inverse_inertia: f64,
-    ) -> Row {
+    ) -> ConstraintRow {
         let impedance = self.impedance(residual);
-        Row {
+        ConstraintRow {
             target: self.target(impedance, residual, dot(&jacobian, velocities)),
             weight: weight(impedance, inverse_inertia),
             jacobian,
@@ -131,7 +131,7 @@ pub struct Mocap {
 }
 
 /// Adds the weld of `gripper_link` to `mocap`.
-pub fn weld(rows: &mut Rows, frames: &Frames, velocities: &Joints, mocap: &Mocap) {
+pub fn weld(rows: &mut ConstraintRows, frames: &Frames, velocities: &Joints, mocap: &Mocap) {
     // vec(q^-1 mocap) is half the rotation vector between both.
     let turn = frames.orientation.conjugate() * mocap.orientation;
     let axis = DVec3::new(turn.x, turn.y, turn.z);
@@ -149,7 +149,7 @@ pub fn weld(rows: &mut Rows, frames: &Frames, velocities: &Joints, mocap: &Mocap
     let norm = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
     let impedance = FIRM.impedance(norm);
     for (i, (jacobian, residual)) in jacobian.into_iter().zip(residual).enumerate() {
-        rows.push(Row {
+        rows.push(ConstraintRow {
             target: FIRM.target(impedance, residual, dot(&jacobian, velocities)),
             weight: weight(impedance, WELD_INVERSE_INERTIA[i / 3]),
             jacobian,
@@ -158,7 +158,7 @@ pub fn weld(rows: &mut Rows, frames: &Frames, velocities: &Joints, mocap: &Mocap
 }
 
 /// Adds the limits of joints that are beyond them.
-pub fn limits(rows: &mut Rows, angles: &Joints, velocities: &Joints) {
+pub fn limits(rows: &mut ConstraintRows, angles: &Joints, velocities: &Joints) {
     for (i, joint) in CHAIN.iter().enumerate() {
         let Some(limits) = joint.limits else { continue };
         let (low, high) = (angles[i] - limits.low, limits.high - angles[i]);
@@ -187,7 +187,7 @@ const SLIDING: f64 = 1.0;
 const TURNING: f64 = 0.05;
 
 /// Adds the contacts of the fingers' lower corners with the table.
-pub fn table(rows: &mut Rows, frames: &Frames, velocities: &Joints) {
+pub fn table(rows: &mut ConstraintRows, frames: &Frames, velocities: &Joints) {
     if frames.gripper.z - FINGER_REACH > TABLE_TOP + MARGIN {
         return;
     }
@@ -222,7 +222,7 @@ pub fn table(rows: &mut Rows, frames: &Frames, velocities: &Joints) {
 const MAX_ITERATIONS: usize = 50;
 
 /// Adds a row's quadratic term to the Hessian's lower triangle and the right-hand side.
-fn add_row(hessian: &mut Matrix, rhs: &mut Joints, row: &Row) {
+fn add_row(hessian: &mut Matrix, rhs: &mut Joints, row: &ConstraintRow) {
     add_outer(hessian, &row.jacobian, row.weight);
     add_scaled(rhs, row.weight * row.target, &row.jacobian);
 }
@@ -230,7 +230,7 @@ fn add_row(hessian: &mut Matrix, rhs: &mut Joints, row: &Row) {
 /// Returns the acceleration `a` that minimises `1/2 aᵀMa - aᵀf + 1/2 sum of w (J a - target)²` over
 /// all rows, where an inequality row counts only if `J a < target`; begins at `start`. Gauss's
 /// principle: without rows, `M a = f`.
-pub fn accelerations(dynamics: &Dynamics, rows: &Rows, start: &Joints) -> Joints {
+pub fn accelerations(dynamics: &Dynamics, rows: &ConstraintRows, start: &Joints) -> Joints {
     let (mut hessian, mut rhs) = (dynamics.mass, dynamics.force);
     for row in rows.equalities() {
         add_row(&mut hessian, &mut rhs, row);
@@ -282,7 +282,7 @@ fn symmetric(lower: &Matrix) -> Matrix {
 fn line_minimum(
     mut slope: f64,
     mut curvature: f64,
-    rows: &[Row],
+    rows: &[ConstraintRow],
     residuals: &[f64],
     slopes: &[f64],
 ) -> f64 {

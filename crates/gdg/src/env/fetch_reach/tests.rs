@@ -17,7 +17,7 @@ fn full_action(rng: &mut ChaCha8Rng) -> DVec3 {
 }
 
 /// Gradient of the constrained problem at `a`, and a scale to judge it by.
-fn gradient(dynamics: &Dynamics, rows: &Rows, a: &Joints) -> (Joints, f64) {
+fn gradient(dynamics: &Dynamics, rows: &ConstraintRows, a: &Joints) -> (Joints, f64) {
     let mut gradient = product(&dynamics.mass, a);
     add_scaled(&mut gradient, -1.0, &dynamics.force);
     let mut scale = dot(&dynamics.force, &dynamics.force).sqrt();
@@ -31,7 +31,7 @@ fn gradient(dynamics: &Dynamics, rows: &Rows, a: &Joints) -> (Joints, f64) {
 
 #[test]
 fn newtons_method_finds_the_minimum_with_many_rows_active() {
-    let (mut rng, mut rows, mut most) = (rng(1), Rows::new(), 0);
+    let (mut rng, mut rows, mut most) = (rng(1), ConstraintRows::new(), 0);
     for _ in 0..300 {
         // Pressed onto the table and beyond joint limits, from any warm start.
         let mut arm = Arm::at_reset();

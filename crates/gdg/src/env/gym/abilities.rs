@@ -10,7 +10,7 @@ use super::pool::Pool;
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::{
     Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Rendered,
-    Rendering, Scene, Task, TaskSet,
+    Rendering, Task, TaskSet, WorldScene,
 };
 use crate::store::Store;
 
@@ -106,8 +106,8 @@ impl Explored for Gym {
 }
 
 impl Drawn for Gym {
-    fn scene(&self, _: &Arc<Vec<u32>>) -> Scene {
-        Scene::Goals(Box::new(GoalSpace::of(self, self.maze())))
+    fn scene(&self, _: &Arc<Vec<u32>>) -> WorldScene {
+        WorldScene::Goals(Box::new(GoalSpace::of(self, self.maze())))
     }
 }
 

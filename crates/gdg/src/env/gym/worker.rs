@@ -78,7 +78,7 @@ const LOOK: Duration = Duration::from_millis(100);
 
 /// What the program asks a worker to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Request {
+enum Message {
     /// Run this source, before all else.
     Source = 0,
     /// Import what is needed and describe the environment.
@@ -227,8 +227,8 @@ impl Worker {
     /// Opens the environment and describes it.
     pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<Description, EnvError> {
         let config = serde_json::json!({ "package": package.unwrap_or_default(), "id": id });
-        self.send(Request::Open, config.to_string().as_bytes())?;
-        let reply = self.answer(Request::Open, MAX_TEXT_BYTES)?;
+        self.send(Message::Open, config.to_string().as_bytes())?;
+        let reply = self.answer(Message::Open, MAX_TEXT_BYTES)?;
         self.environments = 1;
         // Errors to come have nothing to do with what it has written so far.
         self.output.lock().clear();
@@ -247,8 +247,8 @@ impl Worker {
         while self.environments < count {
             let more = self.environments + 1;
             let numbers = [more as f64, f64::from(u8::from(renders && more == 1))];
-            self.send(Request::Make, &bytes(numbers))?;
-            self.numbers(Request::Make, 0)?;
+            self.send(Message::Make, &bytes(numbers))?;
+            self.numbers(Message::Make, 0)?;
             self.environments = more;
         }
         Ok(())
@@ -264,8 +264,8 @@ impl Worker {
         task: Option<u32>,
     ) -> Result<(Vec<f32>, Vec<f32>), EnvError> {
         let numbers = [environment as f64, f64::from(seed), task.map_or(-1.0, f64::from)];
-        self.send(Request::Reset, &bytes(numbers))?;
-        let reply = self.numbers(Request::Reset, about.row() + 1 + about.goal)?;
+        self.send(Message::Reset, &bytes(numbers))?;
+        let reply = self.numbers(Message::Reset, about.row() + 1 + about.goal)?;
         let (row, goal) = reply.split_at(about.row() + 1);
         let (row, _) = self.checked(about, "reset", row)?;
         let goal: Vec<f32> = goal.iter().map(|v| *v as f32).collect();
@@ -286,7 +286,7 @@ impl Worker {
     pub fn begin_step(&mut self, about: &Description, actions: &[f32]) -> Result<(), EnvError> {
         let bounds = about.action_bounds().cycle();
         let actions = actions.iter().zip(bounds).map(|(a, to)| f64::from(scaled(*a, to)));
-        self.send(Request::Step, &bytes(actions))
+        self.send(Message::Step, &bytes(actions))
     }
 
     /// Returns the result of a step of `count` environments.
@@ -296,7 +296,7 @@ impl Worker {
         count: usize,
     ) -> Result<Vec<Stepped>, EnvError> {
         let length = about.row() + 1;
-        let reply = self.numbers(Request::Step, count * length)?;
+        let reply = self.numbers(Message::Step, count * length)?;
         reply.chunks(length).map(|row| self.checked(about, "step", row)).collect()
     }
 
@@ -308,9 +308,9 @@ impl Worker {
     ) -> Result<Rendering, EnvError> {
         let size = [width, height].map(|side| side.max(1) as f64);
         let body = bytes(size.into_iter().chain(goal.iter().map(|v| f64::from(*v))));
-        self.send(Request::Picture, &body)?;
+        self.send(Message::Picture, &body)?;
         let most = 4 + 3 * width.max(1) * height.max(1);
-        let reply = self.answer(Request::Picture, most)?;
+        let reply = self.answer(Message::Picture, most)?;
         let (width, pixels) = reply.split_first_chunk().unwrap_or((&[0; 4], &[]));
         let (width, (pixels, rest)) = (u32::from_le_bytes(*width) as usize, pixels.as_chunks());
         if pixels.is_empty() || !rest.is_empty() || pixels.len().checked_rem(width) != Some(0) {
@@ -387,11 +387,11 @@ impl Worker {
             environments: 0,
             is_broken: false,
         };
-        worker.send(Request::Source, SOURCE.as_bytes())?;
+        worker.send(Message::Source, SOURCE.as_bytes())?;
         Ok(worker)
     }
 
-    fn send(&mut self, request: Request, body: &[u8]) -> Result<(), EnvError> {
+    fn send(&mut self, request: Message, body: &[u8]) -> Result<(), EnvError> {
         self.waited = [Duration::ZERO; 2];
         let header = [request as u32, body.len() as u32].map(u32::to_le_bytes);
         let message = [header.as_flattened(), body].concat();
@@ -399,7 +399,7 @@ impl Worker {
     }
 
     /// Returns the answer to the request sent before, of at most so many bytes.
-    fn answer(&mut self, request: Request, most: usize) -> Result<Vec<u8>, EnvError> {
+    fn answer(&mut self, request: Message, most: usize) -> Result<Vec<u8>, EnvError> {
         let header = self.read(request, 8)?;
         let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| header[at + i]));
         let (kind, length) = (number(0), number(4) as usize);
@@ -417,7 +417,7 @@ impl Worker {
     }
 
     /// Returns the answer to the request sent before: so many numbers.
-    fn numbers(&mut self, request: Request, count: usize) -> Result<Vec<f64>, EnvError> {
+    fn numbers(&mut self, request: Message, count: usize) -> Result<Vec<f64>, EnvError> {
         let reply = self.answer(request, 8 * count)?;
         if reply.len() != 8 * count {
             let bytes = reply.len();
@@ -426,7 +426,7 @@ impl Worker {
         Ok(reply.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number)).collect())
     }
 
-    fn read(&mut self, request: Request, length: usize) -> Result<Vec<u8>, EnvError> {
+    fn read(&mut self, request: Message, length: usize) -> Result<Vec<u8>, EnvError> {
         let mut buffer = vec![0; length];
         self.transfer(request, length, |mut channel, done| channel.read(&mut buffer[done..]))?;
         Ok(buffer)
@@ -436,7 +436,7 @@ impl Worker {
     /// too long. What the process has left behind may have the channel too: its own end counts.
     fn transfer(
         &mut self,
-        request: Request,
+        request: Message,
         length: usize,
         mut part: impl FnMut(&UnixStream, usize) -> std::io::Result<usize>,
     ) -> Result<(), EnvError> {
@@ -470,13 +470,13 @@ impl Worker {
     }
 
     /// Returns the error about an answer that has not come: the process has ended, or took too long.
-    fn broken_off(&mut self, request: Request, error: Option<ErrorKind>) -> EnvError {
+    fn broken_off(&mut self, request: Message, error: Option<ErrorKind>) -> EnvError {
         let what = match request {
-            Request::Source | Request::Open => "to be opened",
-            Request::Make => "to be made",
-            Request::Reset => "to begin an episode",
-            Request::Step => "to step",
-            Request::Picture => "to render a picture",
+            Message::Source | Message::Open => "to be opened",
+            Message::Make => "to be made",
+            Message::Reset => "to begin an episode",
+            Message::Step => "to step",
+            Message::Picture => "to render a picture",
         };
         if let Some(error) = error {
             let status = self.ended_within(ENDING);
@@ -494,7 +494,7 @@ impl Worker {
     }
 
     /// Returns the error about an exception, which the worker describes.
-    fn exception(&mut self, request: Request, body: &[u8]) -> EnvError {
+    fn exception(&mut self, request: Message, body: &[u8]) -> EnvError {
         let Ok(found) = serde_json::from_slice::<Exception>(body) else {
             return self.fail("its worker answers something else than asked".to_owned());
         };
@@ -508,15 +508,15 @@ impl Worker {
             ));
         }
         // All else goes on without a picture.
-        if request == Request::Picture {
+        if request == Message::Picture {
             return failed(&self.title, shown(&found.error), Vec::new());
         }
         if found.unsupported {
             return self.fail(shown(&found.error));
         }
         let during = match request {
-            Request::Reset => " in reset",
-            Request::Step => " in step",
+            Message::Reset => " in reset",
+            Message::Step => " in step",
             _ => "",
         };
         self.is_broken = true;

@@ -5,7 +5,7 @@
 use super::super::grid::Grid;
 use super::super::text::{MapResult, Place, Text};
 use super::yaml::tree_from;
-use super::{MapFormat, Mark, Rows, Source, marks};
+use super::{MapFormat, Mark, MarkRows, Source, marks};
 
 pub const LIST: MapFormat = MapFormat {
     name: "list",
@@ -70,7 +70,7 @@ fn after_name(source: &str) -> usize {
 
 fn read_list(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let mut cells = Rows::new(text);
+    let mut cells = MarkRows::new(text);
     let root = tree_from(text, list_start(text.source))?;
     for row in root.list(text, LIST_ROWS)? {
         for cell in row.list(text, LIST_ROWS)? {
@@ -117,7 +117,7 @@ fn is_d4rl(text: &Text) -> bool {
 
 fn read_d4rl(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
-    let mut rows = Rows::new(text);
+    let mut rows = MarkRows::new(text);
     let (mut row, mut last) = (Place::default(), Place::default());
     for (c, place) in characters(text) {
         let follows = last == Place { column: place.column.wrapping_sub(1), ..place };
@@ -234,7 +234,7 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
         return Err(text.error_at(place, problem, "write 0 for free cells and 1 for walls"));
     }
     let empty = if tiled.is_some() { -1.0 } else { 0.0 };
-    let mut cells = Rows::new(text);
+    let mut cells = MarkRows::new(text);
     for mut row in lines().map(Iterator::peekable) {
         let Some((_, first)) = row.peek().copied() else { continue };
         for (number, place) in row {

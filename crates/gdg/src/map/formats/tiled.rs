@@ -6,7 +6,7 @@ use roxmltree::{Document, Node};
 
 use super::super::grid::Grid;
 use super::super::text::{MapError, MapResult, Place, Text};
-use super::{MapFormat, Mark, Rows, Source, marks};
+use super::{MapFormat, Mark, MarkRows, Source, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "tiled",
@@ -84,7 +84,7 @@ fn read(source: &Source) -> MapResult<Grid> {
         walls.for_each(|(cell, _)| *cell = Mark::Wall);
     }
     mark_objects(text, root, width, &mut cells)?;
-    let mut rows = Rows::new(text);
+    let mut rows = MarkRows::new(text);
     for row in cells.chunks(width) {
         row.iter().try_for_each(|cell| rows.push(*cell))?;
         rows.end_row(Place::default())?;
