@@ -1,10 +1,11 @@
 //! Learners: distance critics, a dynamics model and an actor, trained on replayed transitions
 //! without rewards; and rivals that learn from rewards.
 //!
-//! The built-in ones ([`LEARNERS`]) are one [`NetworkLearner`] with other critics, rewards and goals; any
-//! type that implements [`Learner`] can be registered beside them. A learner sees states, goals and actions only through their [`crate::env::Spec`]. It trains on the
-//! [`Replay`] and exposes the result as a [`Policy`] for exploration, planning, evaluation and
-//! display: D, the distance in steps, and mu, the actor.
+//! The built-in ones ([`LEARNERS`]) are one [`NetworkLearner`] with other critics, rewards and goals;
+//! any type that implements [`Learner`] can be registered beside them. A learner sees states, goals
+//! and actions only through their [`crate::env::Spec`]. It trains on the [`Replay`] and exposes the
+//! result as a [`Policy`] for exploration, planning, evaluation and display: D, the distance in
+//! steps, and mu, the actor.
 
 mod data;
 mod error;
