@@ -405,41 +405,6 @@ fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
-fn a_world_renders_its_agent_and_the_goal_asked_for() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
-    let agent = |name: &str, renders: bool| {
-        let world = open(folder.path(), name);
-        let rendered = world.abilities().rendered.unwrap();
-        let mut agent = if renders { rendered.fork() } else { world.fork(1) }.unwrap();
-        agent.restart(0, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
-        agent
-    };
-    let (mut point, mut unseen) = (agent("Point", true), agent("Point", false));
-    for step in 0..3 {
-        let states = point.states().to_vec();
-        let goal = [-3.0, 4.0];
-        let picture = point.abilities().rendered.unwrap().picture(&goal, (40, 40)).unwrap();
-        assert_eq!(picture.size(), (40, 20), "each pixel is a square of four");
-        let at = |x: f32, y: f32| picture.at([x, y].map(|v| (v + 5.0) / 10.0 * 39.0));
-        let half = |[x, y]: [f32; 2]| at(x, -5.0 + 0.5 * (y + 5.0));
-        let (red, green) = (half([states[1], states[2]]), half(goal));
-        assert!(red[0] > 100, "the agent at {states:?} after {step} steps: {red:?}");
-        assert!(green[1] > 100 && green[2] > 50, "{green:?}");
-        for agents in [&mut point, &mut unseen] {
-            agents.step(&[0.7, -0.3], &mut rng).unwrap();
-        }
-        assert_eq!(point.states(), unseen.states(), "pictures change nothing");
-    }
-    let mut blind = agent("Blind", true);
-    let why = blind.abilities().rendered.unwrap().picture(&[0.0; 2], (40, 40)).unwrap_err();
-    assert!(why.ends_with("RuntimeError: an OpenGL platform library has not been loaded"), "{why}");
-    assert_eq!(why.contains("MUJOCO_GL="), std::env::var_os("MUJOCO_GL").is_none(), "{why}");
-    blind.step(&[0.7, -0.3], &mut rng).unwrap();
-}
-
-#[test]
-#[ignore = "needs Python with numpy and gymnasium"]
 fn no_transition_leads_from_where_the_environment_ends_an_episode_to_the_next_start() {
     let folder = tempfile::tempdir().unwrap();
     let world = open(folder.path(), "Pit");

@@ -17,9 +17,8 @@ use super::measure::{self, measure};
 use super::plan::Length;
 use super::spec::JobSpec;
 use crate::headless::{CheckpointSaver, evaluate, save_interval};
-use crate::host::outputs::{elsewhere, save_elsewhere};
-
 use crate::host::EXIT_FAILURE;
+use crate::host::outputs::{elsewhere, save_elsewhere};
 use crate::host::report::print_error;
 use crate::host::runs::SAVES;
 use crate::host::setup::{begin, learn_from, parallel_jobs};

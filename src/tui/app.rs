@@ -3,12 +3,15 @@
 
 use std::slice;
 
-use crossterm::event::{Event, KeyEvent, MouseButton, MouseEvent, MouseEventKind};
+use crossterm::event::{
+    Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
+};
 use ratatui::Frame;
 use ratatui::layout::Position;
 
 use super::action::{Action, Mode};
 use super::compare::Comparison;
+use super::dialog::Dialog;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap;
@@ -158,10 +161,30 @@ impl App {
         }
     }
 
+    /// Quits, which may ask, in place of the open dialogs. If that question is open, leaves without
+    /// an answer.
+    fn interrupt(&mut self) {
+        let session = self.first_mut();
+        if session.screen.dialogs.last().is_some_and(Dialog::asks_to_quit) {
+            session.saver.is_done = true;
+            return;
+        }
+        while !session.screen.dialogs.is_empty() {
+            session.dismiss();
+        }
+        self.act(Action::Quit);
+    }
+
     /// Has the topmost dialog handle an event, and does what the user picks in it.
     fn on_event_in_dialog(&mut self, event: &Event) {
         if let Base::Comparison(comparison) = &mut self.base {
             comparison.sessions[0].screen.log.dismiss();
+        }
+        if let Event::Key(key) = event
+            && !key.is_release()
+            && (key.code, key.modifiers) == (KeyCode::Char('c'), KeyModifiers::CONTROL)
+        {
+            return self.interrupt();
         }
         let choice = self.first_mut().on_event_in_dialog(event);
         match &mut self.base {

@@ -25,6 +25,14 @@ pub enum Dialog {
     Ask(Prompt),
 }
 
+impl Dialog {
+    /// Whether it is the question that quitting asks.
+    pub fn asks_to_quit(&self) -> bool {
+        let quits = |item: &Item| item.choice == Choice::Quit { save: false };
+        matches!(self, Self::Pick(picker) if picker.items.iter().any(quits))
+    }
+}
+
 impl From<Picker> for Dialog {
     fn from(picker: Picker) -> Self {
         Self::Pick(picker)

@@ -28,17 +28,15 @@ number = None
 class Point(gym.Env):
     """A well-behaved environment; the others change one thing each."""
 
-    metadata = {"render_modes": ["rgb_array"]}
     distance_threshold = RADIUS
 
-    def __init__(self, render_mode=None):
+    def __init__(self):
         box = lambda size: gym.spaces.Box(-SIDE, SIDE, (size,), np.float64)
         self.observation_space = gym.spaces.Dict(
             observation=box(3 + EXTRA), achieved_goal=box(2), desired_goal=box(2)
         )
         self.action_space = gym.spaces.Box(-0.5, 0.5, (2,), np.float32)
         self.at, self.goal, self.wind = np.zeros(2), np.zeros(2), 0.0
-        self.render_mode = render_mode
 
     def observe(self):
         return {
@@ -65,16 +63,6 @@ class Point(gym.Env):
         self.wind = 0.9 * self.wind + 0.01 * self.np_random.normal()
         self.at = np.clip(self.at + action + [self.wind, 0.0], -SIDE, SIDE)
         return self.observe(), 0.0, self.is_over(), False, {}
-
-    def render(self):
-        """Draws 80 x 40 pixels: blue, with the point in red and the goal in green."""
-        assert self.render_mode == "rgb_array", "only what is made for it renders"
-        image = np.zeros((40, 80, 3), np.uint8)
-        image[:, :, 2] = 100
-        for at, channel in [(self.goal, 1), (self.at, 0)]:
-            x, y = (int(round((v + SIDE) / (2 * SIDE) * 39)) for v in at)
-            image[max(0, y - 2) : y + 3, max(0, 2 * x - 4) : 2 * x + 5, channel] = 255
-        return image
 
     def is_over(self):
         return False
@@ -168,13 +156,6 @@ class Writes(Point):
     def step(self, action):
         print("stepping by", action, sys.stdin.read())
         return super().step(action)
-
-
-class Blind(Point):
-    """Cannot render after all."""
-
-    def render(self):
-        raise RuntimeError("an OpenGL platform library has not been loaded")
 
 
 class Pit(Point):

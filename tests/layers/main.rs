@@ -23,7 +23,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 300),
     ("settings", 400),
     ("map", 3_800),
-    ("env", 6_050),
+    ("env", 5_900),
     ("learn", 8_250),
     ("bridge", 3_300),
     ("train", 6_750),
@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 850),
     ("headless", 900),
     ("experiment", 5_100),
-    ("tui", 19_600),
+    ("tui", 19_650),
     ("cli", 650),
     ("commands", 1_000),
 ];

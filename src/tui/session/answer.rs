@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crossterm::event::{Event, KeyCode, KeyModifiers};
+use crossterm::event::Event;
 use rand::RngExt;
 use ratatui::layout::Position;
 
@@ -25,16 +25,6 @@ impl Session {
         let reply = match event {
             Event::Key(key) if !key.is_release() => {
                 screen.log.dismiss();
-                if key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL {
-                    // A second Ctrl-C quits without further questions.
-                    if self.saver.asks {
-                        self.saver.is_done = true;
-                    } else {
-                        screen.dialogs.clear();
-                        self.saver.quit(&mut self.cx);
-                    }
-                    return None;
-                }
                 layer.key(*key, &screen.keymap, mode)
             }
             Event::Mouse(mouse) => {
@@ -55,15 +45,13 @@ impl Session {
         None
     }
 
-    fn dismiss(&mut self) {
-        self.saver.asks = false;
+    pub fn dismiss(&mut self) {
         self.screen.dialogs.pop();
         self.saver.cancel_quit(&mut self.cx);
     }
 
     /// Accepts the answer to the topmost dialog; returns what has been picked from a list.
     fn answer(&mut self) -> Option<Choice> {
-        self.saver.asks = false;
         match self.screen.dialogs.pop()? {
             Dialog::Pick(picker) => {
                 let choice = picker.choice().cloned();

@@ -47,8 +47,6 @@ pub struct Saver {
     autosaved_at: Instant,
     /// The map when a checkpoint was last saved automatically.
     autosaved_map: Option<Arc<Grid>>,
-    /// Whether the question is open that quitting asks.
-    pub asks: bool,
     /// The checkpoint that is asked for and not written yet: since when, and the map in it.
     awaited: Option<(Instant, Option<Arc<Grid>>)>,
     pub is_done: bool,
@@ -77,7 +75,6 @@ impl Saver {
             autosave_minutes,
             autosaved_at: Instant::now(),
             autosaved_map: None,
-            asks: false,
             awaited: None,
             is_done: false,
             then: None,
@@ -159,7 +156,6 @@ impl Saver {
         } else if is_worth_saving(cx) {
             let (latest, is_edited) = (&cx.screen.latest, cx.scene.has_unsaved_map());
             cx.screen.open(lists::quit_choices(latest, is_edited, &self.next_file()));
-            self.asks = true;
         } else {
             self.is_done = true;
         }

@@ -2,7 +2,7 @@
 
 use super::staged::staged_app;
 use super::*;
-use crate::tui::dialog::Choice;
+use crate::tui::dialog::{Choice, Dialog};
 use crate::tui::graphics::{Graphics, Redraw};
 use crate::tui::lists;
 use crate::tui::session::runs;
@@ -181,7 +181,8 @@ fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
     assert!(app.is_done() && !is_named(&app), "twice leaves without saving");
     let mut other = staged_app(80, 24);
     for (is_done, asks) in [(false, false), (false, true), (true, true)] {
-        assert_eq!((other.is_done(), other.saver.asks), (is_done, asks), "not in other dialogs");
+        let is_asked = other.screen.dialogs.last().is_some_and(Dialog::asks_to_quit);
+        assert_eq!((other.is_done(), is_asked), (is_done, asks), "not in other dialogs");
         if !asks {
             press(&mut other, KeyCode::Char('o'));
         }

@@ -300,7 +300,7 @@ impl PublishTimer {
     }
 }
 
-/// Returns the estimated seconds until a limit is reached, with at most so many updates per second.
+/// Estimates the seconds left until a limit is reached, at no more than this many updates a second.
 fn seconds_left(trainer: &Trainer, limits: &Limits, at_most: Option<f64>) -> Option<f64> {
     let pace = trainer.pace();
     // Time spent waiting is none of training.

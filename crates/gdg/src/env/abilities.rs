@@ -27,8 +27,6 @@ pub struct Abilities<'a> {
     pub editable: Option<&'a dyn Editable>,
     /// How it is drawn and filmed.
     pub drawn: Option<&'a dyn Drawn>,
-    /// How it renders itself.
-    pub rendered: Option<&'a dyn Rendered>,
 }
 
 /// A world with a title, facts and data of its own.
@@ -47,7 +45,7 @@ pub trait Recorded {
         Map::new()
     }
 
-    /// Returns what tells the tasks of its evaluations apart, if they are given, from random ones.
+    /// Identifies the given evaluation tasks; `None` for random ones.
     fn scenario(&self) -> Option<String> {
         None
     }
@@ -157,49 +155,6 @@ pub trait Drawn {
     /// must not change during a run.
     fn probes(&self, _goal_before: Option<&[f32]>) -> Option<Probes> {
         None
-    }
-}
-
-/// A world that renders pictures of itself.
-pub trait Rendered {
-    /// Returns a copy of the world with one agent, as [`Environment::fork`] does, of which there are
-    /// pictures.
-    fn fork(&self) -> Result<Box<dyn Environment>, EnvError>;
-
-    /// Returns a picture of the agent, with `goal` `(goal_dim)` in it if the world marks goals, of
-    /// at most this width and height in pixels.
-    fn picture(&self, goal: &[f32], most: (usize, usize)) -> Result<Rendering, String>;
-}
-
-/// A picture that a world has rendered.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rendering {
-    width: usize,
-    /// Row by row: red, green and blue.
-    pixels: Vec<[u8; 3]>,
-}
-
-impl Rendering {
-    /// Creates a picture of this width; all rows are full.
-    ///
-    /// # Panics
-    /// The pixels do not fill rows.
-    pub fn new(width: usize, pixels: Vec<[u8; 3]>) -> Self {
-        assert!(pixels.len().is_multiple_of(width) && !pixels.is_empty(), "full rows");
-        Self { width, pixels }
-    }
-
-    /// Returns width and height in pixels.
-    pub fn size(&self) -> (usize, usize) {
-        (self.width, self.pixels.len() / self.width)
-    }
-
-    /// Returns the pixel at (x, y), from the upper left, or the nearest one.
-    pub fn at(&self, [x, y]: [f32; 2]) -> [u8; 3] {
-        let (width, height) = self.size();
-        let [column, row] =
-            [(x, width), (y, height)].map(|(at, count)| (at.max(0.0) as usize).min(count - 1));
-        self.pixels[row * width + column]
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{EnvError, Environment, Episodes, Rendered, Spec};
+use super::{EnvError, Environment, Episodes, Spec};
 
 /// A world without a picture of its own: its goals, states and steps.
 #[derive(Clone)]
@@ -44,10 +44,9 @@ impl GoalSpace {
         &self.spec
     }
 
-    /// Returns the world with one agent, of which there are pictures if it renders any.
+    /// Returns the world with one agent.
     pub fn world(&self) -> Result<Box<dyn Environment>, EnvError> {
-        let world = self.world.clone()?;
-        world.abilities().rendered.map_or_else(|| world.fork(1), Rendered::fork)
+        self.world.clone()?.fork(1)
     }
 
     /// Returns the most steps that an agent may take to a goal, if the world itself defines them.

@@ -106,8 +106,6 @@ pub struct Gym {
     stepping: Option<Vec<f32>>,
     /// Whether its agents act. Otherwise, it is only what a checkpoint knows of it.
     is_open: bool,
-    /// Whether there are pictures of its agent.
-    renders: bool,
 }
 
 impl Gym {
@@ -133,7 +131,6 @@ impl Gym {
             episodes: Vec::new(),
             stepping: None,
             is_open,
-            renders: false,
         }
     }
 
@@ -406,7 +403,6 @@ impl Environment for Gym {
             evaluated: Some(self),
             explored: self.maze().map(|_| self as _),
             drawn: Some(self),
-            rendered: self.pool.about.renders.then_some(self as _),
             ..Abilities::default()
         }
     }
@@ -414,9 +410,9 @@ impl Environment for Gym {
 
 impl Drop for Gym {
     /// Leaves the workers to the next fork: Python takes seconds to start. After a failure, or during
-    /// a step, answers may still be on their way; what renders looks different to others.
+    /// a step, answers may still be on their way.
     fn drop(&mut self) {
-        let is_idle = !self.has_failed() && self.stepping.is_none() && !self.renders;
+        let is_idle = !self.has_failed() && self.stepping.is_none();
         let workers = self.workers.get_mut();
         if is_idle {
             self.pool.idle.lock().extend(workers.drain(..).map(|(worker, _)| worker));

@@ -316,7 +316,6 @@ impl Environment for PointMaze {
             explored: Some(self),
             editable: Some(self),
             drawn: Some(self),
-            ..Abilities::default()
         }
     }
 }

@@ -9,8 +9,8 @@ use serde_json::{Map, Value, json};
 use super::pool::Pool;
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::{
-    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Rendered,
-    Rendering, Task, TaskSet, WorldScene,
+    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Task,
+    TaskSet, WorldScene,
 };
 use crate::store::Store;
 
@@ -108,26 +108,6 @@ impl Explored for Gym {
 impl Drawn for Gym {
     fn scene(&self, _: &Arc<Vec<u32>>) -> WorldScene {
         WorldScene::Goals(Box::new(GoalSpace::of(self, self.maze())))
-    }
-}
-
-impl Rendered for Gym {
-    fn fork(&self) -> Result<Box<dyn Environment>, EnvError> {
-        let mut worker = self.pool.start()?;
-        worker.make(1, true)?;
-        let mut world = self.with_agents(vec![(worker, 0..1)], 1);
-        world.renders = true;
-        Ok(Box::new(world))
-    }
-
-    fn picture(&self, goal: &[f32], most: (usize, usize)) -> Result<Rendering, String> {
-        let mut workers = self.workers.lock();
-        let worker = workers.first_mut().filter(|(worker, _)| self.renders && !worker.is_broken);
-        let (worker, _) = worker.ok_or("it renders no pictures here")?;
-        worker.picture(goal, most).map_err(|error| match error {
-            EnvError::Failed { problem, .. } => problem,
-            other => other.to_string(),
-        })
     }
 }
 

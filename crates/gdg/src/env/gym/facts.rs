@@ -328,7 +328,6 @@ mod tests {
             tasks: None,
             goal_radius: None,
             maze: None,
-            renders: false,
             versions: std::collections::BTreeMap::new(),
         }
     }

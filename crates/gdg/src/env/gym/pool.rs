@@ -206,7 +206,7 @@ impl Pool {
             found.map(|i| idle.swap_remove(i))
         };
         let mut worker = idle.map_or_else(|| self.start(), Ok)?;
-        worker.make(environments, false)?;
+        worker.make(environments)?;
         Ok(worker)
     }
 

@@ -20,7 +20,7 @@ import time
 import traceback
 
 OK, FAILED = 0, 1
-OPEN, MAKE, RESET, STEP, PICTURE = range(1, 6)
+OPEN, MAKE, RESET, STEP = range(1, 5)
 
 # Modules that register well-known environments, for IDs without a package.
 KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
@@ -155,14 +155,7 @@ def make():
     # Agents may go on beyond the time limit of the registration, as they have other goals: what
     # still is truncated, the environment itself ends.
     how = {"max_episode_steps": sys.maxsize, "disable_env_checker": True}
-    env = None
-    if renders:
-        try:
-            env = gym.make(environment_id, render_mode="rgb_array", **how)
-        except Exception:  # Only pictures need that.
-            traceback.print_exc()
-    if env is None:
-        env = gym.make(environment_id, **how)
+    env = gym.make(environment_id, **how)
     # OGBench's end at their own goal: agents have to see what is beyond.
     if hasattr(env.unwrapped, "_terminate_at_goal"):
         env.unwrapped._terminate_at_goal = False
@@ -287,7 +280,6 @@ def describe(slot, package):
         "tasks": None if goals.in_observation else getattr(own, "num_tasks", None),
         "goal_radius": float(radius) if says_radius else None,
         "maze": find_maze(own),
-        "renders": "rgb_array" in (slot.env.metadata or {}).get("render_modes", ()),
         "versions": versions(package),
     }
 
@@ -326,49 +318,11 @@ def reset_one(body):
 
 
 def make_all(body):
-    """Has at least so many environments; with a second number that is not 0, which all render."""
-    global renders
-    count, renders = map(int, numbers(body))
-    if renders:
-        while slots:
-            slots.pop().env.close()
+    """Has at least so many environments."""
+    (count,) = map(int, numbers(body))
     while len(slots) < count:
         slots.append(Slot())
     return ()
-
-
-def show_goal(own, goal):
-    """Moves what marks the goal in pictures, as Gymnasium-Robotics and OGBench have it."""
-    if isinstance(getattr(own, "goal", None), np.ndarray) and own.goal.shape == goal.shape:
-        own.goal = goal.astype(own.goal.dtype)
-        if hasattr(own, "update_target_site_pos"):
-            own.update_target_site_pos()
-    elif hasattr(own, "cur_goal_xy"):
-        own.set_goal(goal_xy=goal[:2])
-
-
-def picture(body):
-    """Returns a picture of the first environment with this goal in it, of at most this width and
-    height: its width, and rows of red, green and blue, all as bytes.
-    """
-    width, height = map(int, numbers(body)[:2])
-    own = slots[0].env
-    try:
-        show_goal(own.unwrapped, numbers(body)[2:])
-        whole = np.asarray(own.render())
-    except Exception as error:
-        text = said(error)
-        if "GL" in text and "MUJOCO_GL" not in os.environ:
-            text = f"MUJOCO_GL=egl or osmesa may help without a display; {text}"
-        raise Unsupported(text) from error
-    if whole.ndim != 3 or whole.shape[2] != 3 or whole.dtype != np.uint8:
-        raise Unsupported(f"an array of shape {whole.shape} of {whole.dtype} is no RGB picture")
-    # Each pixel is the mean of a square.
-    side = max(1, -(-whole.shape[1] // width), -(-whole.shape[0] // height))
-    side = min(side, *whole.shape[:2])
-    rows, columns = whole.shape[0] // side, whole.shape[1] // side
-    squares = whole[: rows * side, : columns * side].reshape(rows, side, columns, side, 3)
-    return struct.pack("<I", columns) + squares.mean(axis=(1, 3)).astype(np.uint8).tobytes()
 
 
 def safe(text):
@@ -410,7 +364,6 @@ def serve():
         MAKE: make_all,
         RESET: reset_one,
         STEP: step_all,
-        PICTURE: picture,
     }
     while header := stream.read(8):
         kind, length = struct.unpack("<II", header)
@@ -425,7 +378,6 @@ def serve():
 
 
 slots = []
-renders = False
 worker = os.getpid()
 begin()
 try:

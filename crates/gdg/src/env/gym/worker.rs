@@ -18,7 +18,7 @@ use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 
 use crate::env::task::MAX_BUDGET_STEPS;
-use crate::env::{EnvError, MAX_MAGNITUDE, Rendering, Walls};
+use crate::env::{EnvError, MAX_MAGNITUDE, Walls};
 use crate::job::Job;
 use crate::text::{grouped, truncated};
 
@@ -83,14 +83,12 @@ enum Message {
     Source = 0,
     /// Import what is needed and describe the environment.
     Open = 1,
-    /// Have at least this number of environments, which render if a second number is not 0.
+    /// Have at least this number of environments.
     Make = 2,
     /// Begin an episode: of an environment, with a seed, of a task.
     Reset = 3,
     /// Step the first environments.
     Step = 4,
-    /// Return a picture of the first environment.
-    Picture = 5,
 }
 
 /// What a worker says of its environment. A checkpoint keeps it.
@@ -113,7 +111,6 @@ pub struct Description {
     pub goal_radius: Option<f32>,
     /// The walls of its maze, if it has one; positions in it are a goal's first two numbers.
     pub maze: Option<Walls>,
-    pub renders: bool,
     /// Versions of Python and of packages.
     pub versions: BTreeMap<String, String>,
 }
@@ -238,16 +235,12 @@ impl Worker {
         })
     }
 
-    /// Creates environments until there are `count`. If they are to render, they all are new.
-    pub fn make(&mut self, count: usize, renders: bool) -> Result<(), EnvError> {
-        if renders {
-            self.environments = 0;
-        }
+    /// Creates environments until there are `count`.
+    pub fn make(&mut self, count: usize) -> Result<(), EnvError> {
         // One by one, as the time limit is for each.
         while self.environments < count {
             let more = self.environments + 1;
-            let numbers = [more as f64, f64::from(u8::from(renders && more == 1))];
-            self.send(Message::Make, &bytes(numbers))?;
+            self.send(Message::Make, &bytes([more as f64]))?;
             self.numbers(Message::Make, 0)?;
             self.environments = more;
         }
@@ -298,25 +291,6 @@ impl Worker {
         let length = about.row() + 1;
         let reply = self.numbers(Message::Step, count * length)?;
         reply.chunks(length).map(|row| self.checked(about, "step", row)).collect()
-    }
-
-    /// Returns a picture of the first environment, of at most this width and height in pixels.
-    pub fn picture(
-        &mut self,
-        goal: &[f32],
-        (width, height): (usize, usize),
-    ) -> Result<Rendering, EnvError> {
-        let size = [width, height].map(|side| side.max(1) as f64);
-        let body = bytes(size.into_iter().chain(goal.iter().map(|v| f64::from(*v))));
-        self.send(Message::Picture, &body)?;
-        let most = 4 + 3 * width.max(1) * height.max(1);
-        let reply = self.answer(Message::Picture, most)?;
-        let (width, pixels) = reply.split_first_chunk().unwrap_or((&[0; 4], &[]));
-        let (width, (pixels, rest)) = (u32::from_le_bytes(*width) as usize, pixels.as_chunks());
-        if pixels.is_empty() || !rest.is_empty() || pixels.len().checked_rem(width) != Some(0) {
-            return Err(self.fail("what it renders is no picture".to_owned()));
-        }
-        Ok(Rendering::new(width, pixels.to_vec()))
     }
 
     /// Returns what a row says if it can be computed with.
@@ -398,7 +372,7 @@ impl Worker {
         self.transfer(request, message.len(), |mut channel, done| channel.write(&message[done..]))
     }
 
-    /// Returns the answer to the request sent before, of at most so many bytes.
+    /// Returns the answer to the latest request: at most this many bytes.
     fn answer(&mut self, request: Message, most: usize) -> Result<Vec<u8>, EnvError> {
         let header = self.read(request, 8)?;
         let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| header[at + i]));
@@ -416,7 +390,7 @@ impl Worker {
         if kind == 0 { Ok(body) } else { Err(self.exception(request, &body)) }
     }
 
-    /// Returns the answer to the request sent before: so many numbers.
+    /// Returns the answer to the latest request: this many numbers.
     fn numbers(&mut self, request: Message, count: usize) -> Result<Vec<f64>, EnvError> {
         let reply = self.answer(request, 8 * count)?;
         if reply.len() != 8 * count {
@@ -476,7 +450,6 @@ impl Worker {
             Message::Make => "to be made",
             Message::Reset => "to begin an episode",
             Message::Step => "to step",
-            Message::Picture => "to render a picture",
         };
         if let Some(error) = error {
             let status = self.ended_within(ENDING);
@@ -506,10 +479,6 @@ impl Worker {
                 shown(&module),
                 shown(&found.searched.join(", "))
             ));
-        }
-        // All else goes on without a picture.
-        if request == Message::Picture {
-            return failed(&self.title, shown(&found.error), Vec::new());
         }
         if found.unsupported {
             return self.fail(shown(&found.error));

@@ -176,7 +176,7 @@ pub struct About {
     /// What it learns from besides acting, or instead.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data: Option<DataSource>,
-    /// What tells the tasks of its evaluations apart, if they were given.
+    /// Identifies the given evaluation tasks; `None` for random ones.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scenario: Option<String>,
     pub run: Run,
