@@ -13,9 +13,9 @@ use clap::{Parser, ValueEnum};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use gdg::engine::{Command, Engine, Phase};
+use gdg::engine::{Engine, EngineCommand, Phase};
 use gdg::env::{Environment, PointMaze};
-use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, Stage};
+use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, TrainingPhase};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
 use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
@@ -135,7 +135,7 @@ fn training(map: &str, threads: usize, runs: usize) -> Result<String> {
     })?;
     let ([one, all], on_all) = (rates.map(median), on(threads));
     let mut out = format!("{map}: {one:.0} updates/s on one thread, {all:.0} on {on_all}\n");
-    for stage in Stage::ALL {
+    for stage in TrainingPhase::ALL {
         let [one, all] = trainers.each_ref().map(|trainer| {
             let spent = trainer.profile().spent(stage).as_secs_f64();
             spent * 1e6 / trainer.counters().updates as f64
@@ -160,7 +160,7 @@ fn interface(threads: usize, runs: usize) -> Result<String> {
         }
         snapshots.borrow().counters.updates
     };
-    reach(Command::Pause, Phase::Paused);
+    reach(EngineCommand::Pause, Phase::Paused);
     let open = |pixels| {
         Ok::<_, Box<dyn Error>>(MeasuredInterface::open(trainer(&map, threads)?, SCREEN, pixels)?)
     };
@@ -168,10 +168,10 @@ fn interface(threads: usize, runs: usize) -> Result<String> {
     let mut rates = Vec::new();
     let mut measured = vec![(Vec::new(), Vec::new()); screens.len()];
     for turn in 0..=runs {
-        let (before, began) = (reach(Command::Resume, Phase::Running), Instant::now());
+        let (before, began) = (reach(EngineCommand::Resume, Phase::Running), Instant::now());
         std::thread::sleep(WATCHED);
         let seconds = began.elapsed().as_secs_f64();
-        let rate = (reach(Command::Pause, Phase::Paused) - before) as f64 / seconds;
+        let rate = (reach(EngineCommand::Pause, Phase::Paused) - before) as f64 / seconds;
         for (screen, (ratios, frames)) in screens.iter_mut().zip(&mut measured) {
             let found = screen.measure(WATCHED)?;
             // The first turn is a warm-up.

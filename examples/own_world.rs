@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use gdg::env::{EnvError, Environment, Spec, WorldKind};
 use gdg::learn::{
-    LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData,
+    LearnError, Learner, LearnerKind, Losses, Policy, Profile, Scratch, StoredStep, TrainingData,
 };
 use gdg::store::{Store, StoreError};
 use gdg::train::{Overrides, Preset, Registry, Run, Trainer, settings_from};
@@ -194,7 +194,7 @@ impl Learner for Table {
         let mut loss = 0.0;
         for _ in 0..BATCH {
             let (now, _) = data.replay.sample(data.rng);
-            let next = data.replay.state(Moment { slot: now.slot + 1, ..now })[0];
+            let next = data.replay.state(StoredStep { slot: now.slot + 1, ..now })[0];
             let action = (data.replay.action(now)[0].round() + 1.0) as usize;
             for goal in 0..BINS {
                 let ahead = self.distance(next, (goal as f32 + 0.5) * LENGTH / BINS as f32);

@@ -1,7 +1,7 @@
 //! The command line.
 
 mod maps;
-mod screen;
+mod screen_args;
 mod train;
 
 use std::path::PathBuf;
@@ -11,13 +11,13 @@ use clap::{Arg, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::experiment::{figures, plot, suite};
-use crate::host::maps::MapArgs;
+use crate::host::find_maps::MapArgs;
 use crate::host::values::output;
 use gdg::map::BUILTIN;
 use gdg::train::Registry;
 
 pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
-pub use screen::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
+pub use screen_args::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
 pub use train::TrainArgs;
 
 /// The program's name on the command line.
@@ -90,11 +90,11 @@ pub enum Command {
     Compare(CompareArgs),
     /// Train on many maps, with several methods, settings and seeds: a table, and a report with
     /// pictures
-    Suite(suite::Options),
+    Suite(suite::SuiteOptions),
     /// Draw the curves of several runs over their seeds, as a figure for a paper and as a table
-    Plot(plot::Options),
+    Plot(plot::PlotOptions),
     /// Reproduce the paper's figures: data, drawings and a report that compares
-    Reproduce(figures::Options),
+    Reproduce(figures::FigureOptions),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
     ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python

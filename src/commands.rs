@@ -23,24 +23,24 @@ use gdg::text::sanitized_lines;
 use gdg::train::{Registry, reference_page};
 
 /// Why a command failed: the error for the user, and the exit status.
-pub struct Failure {
+pub struct CommandFailure {
     pub error: Report,
     pub status: u8,
 }
 
 /// The exit status of a command.
-pub type Outcome = Result<u8, Failure>;
+pub type CommandOutcome = Result<u8, CommandFailure>;
 
-fn bad_input(error: Report) -> Failure {
-    Failure { error, status: EXIT_BAD_INPUT }
+fn bad_input(error: Report) -> CommandFailure {
+    CommandFailure { error, status: EXIT_BAD_INPUT }
 }
 
-fn failure(error: Report) -> Failure {
-    Failure { error, status: EXIT_FAILURE }
+fn failure(error: Report) -> CommandFailure {
+    CommandFailure { error, status: EXIT_FAILURE }
 }
 
 /// Runs a command, with the worlds and learners of `registry`, and returns the exit status.
-pub fn run(cli: Cli, registry: &Arc<Registry>) -> Outcome {
+pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
     let text = |made: Result<String, Report>| print_safely(&made.map_err(bad_input)?);
     match cli.command {
         None => train::run(&cli.train, registry),
@@ -86,12 +86,12 @@ fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
 }
 
 /// Prints text that may quote user input, made safe to display, to standard output.
-fn print_safely(text: &str) -> Outcome {
+fn print_safely(text: &str) -> CommandOutcome {
     print(&sanitized_lines(text))
 }
 
 /// Prints to standard output. An early close (`| head`) is not an error.
-fn print(text: &str) -> Outcome {
+fn print(text: &str) -> CommandOutcome {
     let printed = print_text(text).map_err(|error| Report::msg(error).wrap_err("standard output"));
     printed.map(|()| 0).map_err(failure)
 }

@@ -2,8 +2,8 @@
 //!
 //! A [`spec::JobSpec`] is everything that a result depends on: a world, a method with its settings, a
 //! seed and a plan. [`jobs::Jobs`] is the list of them that a command trains, lists and reports;
-//! [`suite`] and [`figures`] make such lists. Interrupted jobs resume where they stopped. [`runs`]
-//! reads results, checkpoints and records again; [`plot`] draws their curves.
+//! [`suite`] and [`figures`] make such lists. Interrupted jobs resume where they stopped.
+//! [`saved_runs`] reads results, checkpoints and records again; [`plot`] draws their curves.
 
 pub mod figures;
 pub mod folder;
@@ -12,7 +12,7 @@ pub mod measure;
 pub mod plan;
 pub mod plot;
 pub mod report;
-pub mod runs;
+pub mod saved_runs;
 pub mod spec;
 pub mod suite;
 pub mod variants;

@@ -8,14 +8,14 @@ use std::path::Path;
 
 use miette::Report;
 
-pub use chart::{Chart, Curve, Page, Point, colour, round_top};
+pub use chart::{Chart, ChartPage, Curve, Point, colour, round_top};
 pub use sheet::{Anchor, Mark, Sheet, fitted};
 
 /// A millimetre in points.
 pub const MILLIMETRE: f32 = 72.0 / 25.4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum FigureFormat {
     /// Drawing for browsers and editors, with text as text.
     Svg,
     Png,
@@ -23,7 +23,7 @@ pub enum Format {
     Pdf,
 }
 
-impl Format {
+impl FigureFormat {
     pub const ALL: [Self; 3] = [Self::Svg, Self::Png, Self::Pdf];
 
     pub fn extension(self) -> &'static str {
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn no_letters_act_in_svg() {
-        let file = Format::Svg.encode(&sheet("a\u{1}\u{9b}\u{202e}<b")).expect("a file");
+        let file = FigureFormat::Svg.encode(&sheet("a\u{1}\u{9b}\u{202e}<b")).expect("a file");
         let text = String::from_utf8(file).expect("text");
         assert!(text.contains("a?¿\u{fffd}&lt;b"), "{text}");
     }

@@ -1,8 +1,8 @@
 //! Training without the interface: JSON lines on standard output, a progress bar on standard error.
 
+mod metrics;
 mod progress;
 mod records;
-mod table;
 
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
@@ -13,9 +13,9 @@ use std::time::Duration;
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
+use crate::host::errors::{from_checkpoint_error, print_error};
 use crate::host::outputs::save_elsewhere;
-use crate::host::report::{from_checkpoint_error, print_error};
-use crate::host::runs::resume_command;
+use crate::host::saves::resume_command;
 use crate::host::setup::Setup;
 use crate::host::signals::TerminationSignal;
 use crate::host::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, logging};
@@ -25,11 +25,11 @@ use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped, sanitized};
 use gdg::train::{
-    self, Due, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Session, Trainer,
+    self, Due, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Trainer, TrainingLoop,
 };
+use metrics::MetricsTable;
 use progress::Progress;
 use records::Record;
-use table::Table;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same
 /// run prints the same records.
@@ -40,7 +40,7 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Options of a run without the interface, besides what to train.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct HeadlessOptions {
     /// Updates between evaluations; otherwise only at the end.
     pub eval_every_updates: Option<u64>,
     pub eval_tasks: usize,
@@ -51,12 +51,12 @@ pub struct Options {
     pub require_success: Option<f64>,
 }
 
-pub fn run(mut setup: Setup, options: &Options) -> Result<u8, Report> {
+pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(CheckpointSaver::new);
-    let open = |path| Table::open(path, options.overwrite, &setup);
+    let open = |path| MetricsTable::open(path, options.overwrite, &setup);
     let table = match options.table.as_deref().map(open).transpose() {
         Ok(table) => table,
         Err(error) => {
@@ -120,10 +120,10 @@ fn unwritten(error: std::io::Error) -> Report {
 
 struct HeadlessRun<'a> {
     setup: Setup,
-    options: &'a Options,
+    options: &'a HeadlessOptions,
     progress: Progress,
     saver: Option<CheckpointSaver>,
-    table: Option<Table>,
+    table: Option<MetricsTable>,
     termination: TerminationSignal,
 }
 
@@ -171,7 +171,7 @@ impl HeadlessRun<'_> {
             evaluate: evaluate.map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
             save_every: save_every.filter(|_| self.saver.is_some()),
         };
-        let mut session = Session::resume(schedule, &self.setup.trainer);
+        let mut session = TrainingLoop::resume(schedule, &self.setup.trainer);
         self.report_reached_limit();
         loop {
             while let Some(due) = session.next_due() {

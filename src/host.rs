@@ -1,10 +1,10 @@
 //! Host services: terminal, signals, files, and runs that are begun, saved and resumed.
 
+pub mod errors;
+pub mod find_maps;
 pub mod logging;
-pub mod maps;
 pub mod outputs;
-pub mod report;
-pub mod runs;
+pub mod saves;
 pub mod setup;
 pub mod signals;
 pub mod values;

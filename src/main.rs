@@ -10,12 +10,12 @@ use gdg::{faults, printing};
 use gdg_tui::cli::Cli;
 use gdg_tui::commands;
 use gdg_tui::host::EXIT_FAILURE;
-use gdg_tui::host::{report, signals};
+use gdg_tui::host::{errors, signals};
 use miette::Report;
 
 fn main() -> ExitCode {
     faults::install_panic_hook();
-    report::set_up_colours();
+    errors::set_up_colours();
     if let Err(error) = signals::survive_file_size_limit() {
         eprint_line(&format!("files that become too large will end the program: {error}"));
     }
@@ -52,6 +52,6 @@ fn usage(error: &clap::Error) -> u8 {
 
 fn fail(error: &Report, status: u8) -> u8 {
     log::error!("{error}");
-    report::print_error(error);
+    errors::print_error(error);
     status
 }

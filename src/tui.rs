@@ -6,10 +6,10 @@
 //!
 //! The parts, each of which uses only those before it:
 //!
-//! * `theme`, `style`, `text`, `marker`, `layers`, `panes`, `tool`: colours, and words of the other
-//!   parts.
+//! * `theme`, `style`, `pane_text`, `marker`, `layers`, `panes`, `tool`: colours, and words of the
+//!   other parts.
 //! * `canvas`, `contours`: the pixels of a scene, at any resolution; `characters` and `graphics` send
-//!   them; `raster`, `projection`: where they are and what they show.
+//!   them; `viewport`, `projection`: where they are and what they show.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
 //!   of actions alone names what comes later: the functions that carry them out.
 //! * `dialog`, `layout`, `log`: what a screen consists of besides the scene.
@@ -17,7 +17,7 @@
 //! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
 //!   world, with its state.
 //! * `render`: the panes and everything else around it; `layer`: dialogs, drawn and handled;
-//!   `lists`: what there is to pick from; `export`: writes what is shown to files.
+//!   `lists`: what there is to pick from; `drawings`: writes what is shown to files.
 //! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
 //! * `app`: the application, which gives events to the topmost layer.
 //! * `interface`, `input`, `terminal`: what fills the screen, what comes from the terminal, and the
@@ -26,13 +26,14 @@
 
 mod action;
 mod app;
+mod benchmark;
 mod canvas;
 mod characters;
 mod compare;
 mod config;
 mod contours;
 mod dialog;
-mod export;
+mod drawings;
 mod graphics;
 mod input;
 mod interface;
@@ -44,11 +45,10 @@ mod link;
 mod lists;
 mod log;
 mod marker;
-mod measure;
 mod output;
+mod pane_text;
 mod panes;
 mod projection;
-mod raster;
 mod render;
 mod runs;
 mod scene;
@@ -58,9 +58,9 @@ mod style;
 mod terminal;
 #[cfg(test)]
 mod tests;
-mod text;
 mod theme;
 mod tool;
+mod viewport;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -70,6 +70,7 @@ use miette::{IntoDiagnostic, Report, miette};
 use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
 use app::App;
+pub use benchmark::MeasuredInterface;
 use compare::Comparison;
 pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_comparison};
 pub use config::{
@@ -82,10 +83,9 @@ use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
 pub use marker::Marker;
-pub use measure::MeasuredInterface;
 pub use runs::{Opened, Opener, RunsScreen};
 use session::Session;
-use terminal::Stage;
+use terminal::TerminalStage;
 
 /// How the interface is shown.
 #[derive(Clone, Debug, clap::Args)]
@@ -106,7 +106,7 @@ pub struct PreparedInterface {
     keymap: Keymap,
     termination: TerminationSignal,
     pub notice: Option<&'static str>,
-    stage: Stage,
+    stage: TerminalStage,
 }
 
 impl PreparedInterface {
@@ -128,7 +128,7 @@ pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> 
     let (mut config, keymap) = config::load(options.ui_config.as_deref())?;
     config.marker = options.marker.unwrap_or(config.marker);
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
-    let stage = Stage::new(config.marker, termination.clone());
+    let stage = TerminalStage::new(config.marker, termination.clone());
     Ok(PreparedInterface { config, keymap, termination, notice: None, stage })
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 
-use crate::host::maps::MapArgs;
+use crate::host::find_maps::MapArgs;
 use crate::host::values::{counts, output};
 use gdg::map::{FORMATS, MapFormat, RANDOM_SIZES, RandomMapKind};
 

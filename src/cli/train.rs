@@ -6,8 +6,8 @@ use std::time::Duration;
 use clap::Args;
 use log::LevelFilter;
 
-use crate::headless;
-use crate::host::maps::{MapArgs, given};
+use crate::headless::HeadlessOptions;
+use crate::host::find_maps::{MapArgs, given};
 use crate::host::setup::RunChoice;
 use crate::host::values::{
     EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
@@ -144,8 +144,8 @@ impl TrainArgs {
     }
 
     /// Returns the options of a run without the interface.
-    pub fn headless(&self) -> headless::Options {
-        headless::Options {
+    pub fn headless(&self) -> HeadlessOptions {
+        HeadlessOptions {
             eval_every_updates: self.eval_every_updates,
             eval_tasks: self.eval_tasks as usize,
             save_every_minutes: self.save_every,

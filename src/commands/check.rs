@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use miette::{Report, miette};
 
-use super::{Outcome, bad_input, print_safely};
+use super::{CommandOutcome, bad_input, print_safely};
 use crate::host::EXIT_NOT_REACHED;
-use crate::host::maps::{doubts, find_map, unconnected_parts};
-use crate::host::report::from_map_error;
+use crate::host::errors::from_map_error;
+use crate::host::find_maps::{doubts, find_map, unconnected_parts};
 use crate::host::waiting::Waiting;
 use gdg::files::has_extension;
 use gdg::job::Job;
@@ -24,7 +24,7 @@ pub fn run(
     reading: &Reading,
     strict: bool,
     registry: &Registry,
-) -> Outcome {
+) -> CommandOutcome {
     let (text, grid) = checked(file, map_file, reading, registry).map_err(bad_input)?;
     let faults = if strict { faults(&grid) } else { Vec::new() };
     let lines: String = faults.iter().map(|fault| format!("fault:      {fault}\n")).collect();

@@ -1,4 +1,5 @@
-//! `gdg-tui export-data` and `export-policy`: what is in a checkpoint, for other programs.
+//! `gdg-tui export-data` and `export-policy`: write the data or the policy of a
+//! checkpoint for other programs.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,8 +8,8 @@ use miette::{IntoDiagnostic, Report};
 
 use super::write_file;
 use crate::cli::{ExportArgs, ExportPolicyArgs};
+use crate::host::errors::from_checkpoint_error;
 use crate::host::outputs::refuse_existing;
-use crate::host::report::from_checkpoint_error;
 use crate::host::waiting::Waiting;
 use gdg::files;
 use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};

@@ -3,11 +3,11 @@
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
-use super::{Outcome, bad_input, print, print_safely, write_file};
+use super::{CommandOutcome, bad_input, print, print_safely, write_file};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
-use crate::host::maps::{find_map, warnings};
+use crate::host::errors::from_map_error;
+use crate::host::find_maps::{find_map, warnings};
 use crate::host::outputs::{refuse_existing, refuse_input};
-use crate::host::report::from_map_error;
 use crate::host::waiting::Waiting;
 use gdg::map::{
     self, BUILTIN, Diameter, FORMATS, Grid, MapFormat, MapScale, Reading, ScenarioTask, print_ascii,
@@ -34,7 +34,7 @@ fn list() -> String {
 }
 
 /// Prints the table of built-in maps, or a random map, or converts one.
-pub fn run(args: &MapsArgs, registry: &Registry) -> Outcome {
+pub fn run(args: &MapsArgs, registry: &Registry) -> CommandOutcome {
     if let Some(MapsCommand::Convert(args)) = &args.command {
         return print_safely(&convert(args, registry).map_err(bad_input)?);
     }

@@ -7,10 +7,10 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::TrainArgs;
 use crate::experiment::suite;
-use crate::host::maps::{self, THRESHOLD, find_map, known_name};
+use crate::host::errors::{from_checkpoint_error, from_data_error, from_map_error};
+use crate::host::find_maps::{self, THRESHOLD, find_map, known_name};
 use crate::host::outputs::{refuse_existing, refuse_input, save_to};
-use crate::host::report::{from_checkpoint_error, from_data_error, from_map_error};
-use crate::host::runs::{self, SAVES};
+use crate::host::saves::{self, SAVES};
 use crate::host::setup::{self, Edit, Setup, settings};
 use crate::host::values::EditAt;
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
@@ -106,7 +106,7 @@ pub fn prepare(
     let edits = load_edits(args, &trainer)?;
     let worlds = std::iter::once(trainer.world()).chain(edits.iter().map(|edit| &*edit.world));
     let mazes = worlds.filter_map(PointMaze::downcast_ref);
-    warnings.extend(mazes.flat_map(|maze| maps::warnings(maze.map())));
+    warnings.extend(mazes.flat_map(|maze| find_maps::warnings(maze.map())));
     let limits = Limits {
         updates: args.max_updates,
         seconds: args.max_seconds.map(|more| trainer.seconds() + more),
@@ -218,7 +218,7 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
         (None, map) => map.cloned(),
     };
     let title = name.map(|name| title_of(&name, registry)).transpose()?;
-    let newest = runs::newest(Path::new(SAVES), title.as_deref());
+    let newest = saves::newest(Path::new(SAVES), title.as_deref());
     newest.map(|found| Some(found.file)).ok_or_else(|| {
         let of = title.map_or(String::new(), |title| format!(" of {title}"));
         let help = "gdg-tui runs FOLDER lists a folder's checkpoints; give one with --resume FILE";
@@ -293,7 +293,7 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
 /// Returns the registry with the goal radius of environments in Python, unless other options of maps
 /// are given for a world that is none.
 pub fn registry_of_suite(
-    suite::Options { maps, reading, .. }: &suite::Options,
+    suite::SuiteOptions { maps, reading, .. }: &suite::SuiteOptions,
     registry: &Arc<Registry>,
 ) -> Result<Arc<Registry>, Report> {
     let is_world = |name: &&PathBuf| registry.world_without_file(known_name(name)).is_some();

@@ -1,4 +1,4 @@
-//! `gdg-tui runs`.
+//! `gdg-tui runs`: lists saved runs, as a table or on the screen.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, miette};
 
 use super::train::{obstacle, registry_for};
-use super::{Failure, Outcome, bad_input, failure, prepare, print, print_safely};
+use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print, print_safely};
 use crate::cli::{Cli, RunsArgs, TrainArgs};
-use crate::experiment::runs::{Reader, SavedRun, table};
-use crate::host::runs::SAVES;
+use crate::experiment::saved_runs::{RunReader, SavedRun, table};
+use crate::host::saves::SAVES;
 use crate::host::waiting::Waiting;
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
 use gdg::learn::Threads;
@@ -20,7 +20,7 @@ use gdg::text::escape_json_line;
 use gdg::train::Registry;
 
 /// Shows the runs of folders: on a terminal as a screen, otherwise as a table or as JSON.
-pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
+pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     for folder in args.folders.iter().filter(|folder| !is_missing_default(folder)) {
         let unreadable = |error| {
             let help = "give folders of checkpoints, of records, or of gdg-tui suite";
@@ -54,7 +54,7 @@ fn is_missing_default(folder: &Path) -> bool {
 fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
     let reading = Waiting::on("reading the runs");
     reading.begin(0, 1);
-    let found = Reader::new(folders).read(|[file, files], _| {
+    let found = RunReader::new(folders).read(|[file, files], _| {
         reading.set(file, files);
         ControlFlow::Continue(())
     });
@@ -64,7 +64,7 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
 }
 
 /// Shows the list, and what is opened in it, in turns.
-fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
+fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     crate::host::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
     let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
@@ -88,7 +88,7 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> Outcome {
 }
 
 /// Returns what opens runs, as the commands that show one or two of them do.
-fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, Failure> {
+fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, CommandFailure> {
     use clap::Parser;
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().map_err(failure)?.train;
     train.log_level = args.screen.log_level;

@@ -1,4 +1,4 @@
-//! What trains: `gdg-tui [MAP]`, with or without the interface, `gdg-tui tour` and `compare`.
+//! The commands that train: `gdg-tui [MAP]`, with or without the interface, `tour` and `compare`.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -7,18 +7,18 @@ use std::sync::Arc;
 use clap::CommandFactory;
 use miette::{Report, miette};
 
-use super::{Failure, Outcome, bad_input, failure, prepare, print};
+use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print};
 use crate::cli::{Cli, CompareArgs, ScreenArgs, TourArgs, TrainArgs};
 use crate::headless;
 use crate::host::waiting::Waiting;
-use crate::host::{logging, maps};
+use crate::host::{find_maps, logging};
 use crate::tui::{self, PreparedInterface};
 use gdg::printing::eprint_line;
 use gdg::text::{sanitized_lines, terminal_obeys_escapes};
 use gdg::train::{Registry, print_settings};
 
 /// Trains, or prints what it would train with.
-pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> Outcome {
+pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let registry = &registry_for(args, registry);
     if args.print_config {
         let opening = Waiting::on(prepare::opening(args));
@@ -56,13 +56,13 @@ pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry>
 }
 
 /// Checks that the map argument is not a mistyped command.
-fn check_for_command(map: &Path, registry: &Registry) -> Result<(), Failure> {
-    if !maps::is_unknown_name(map, registry) {
+fn check_for_command(map: &Path, registry: &Registry) -> Result<(), CommandFailure> {
+    if !find_maps::is_unknown_name(map, registry) {
         return Ok(());
     }
     let commands: Vec<String> =
         Cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect();
-    Err(bad_input(maps::unknown_name(map, registry, &commands)))
+    Err(bad_input(find_maps::unknown_name(map, registry, &commands)))
 }
 
 /// Returns why the interface cannot be shown, if it cannot.
@@ -83,7 +83,7 @@ fn watch<T>(
     [what, instead]: [&str; 2],
     prepare: impl FnOnce() -> Result<T, Report>,
     show: impl FnOnce(T, &mut PreparedInterface) -> Result<(u8, String), Report>,
-) -> Outcome {
+) -> CommandOutcome {
     logging::start(args.log_level);
     let prepared = prepare().map_err(bad_input)?;
     if let Some(obstacle) = obstacle() {
@@ -95,13 +95,13 @@ fn watch<T>(
 }
 
 /// Shows the guided tour.
-pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> Outcome {
+pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let refusal = ["a tour", "gdg-tui --no-ui trains without one"];
     watch(&args.screen, refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
 }
 
 /// Shows two methods side by side.
-pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> Outcome {
+pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let instead = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
     let prepare = || {
         let opening = Waiting::on("opening both runs");

@@ -13,9 +13,9 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
 use super::jobs::{JobOptions, Jobs, print, warn_if_short};
-use super::plan::{Length, Plan};
+use super::plan::{Length, TrainingPlan};
 use super::spec::{JobResult, JobSpec, JobWorld};
-use crate::host::report::from_config_error;
+use crate::host::errors::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
 use crate::host::values::{counts, output};
 use catalogue::{Budget, Entry, FIGURES, Figure};
@@ -37,7 +37,7 @@ Exit status: as of gdg-tui suite.";
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
-pub struct Options {
+pub struct FigureOptions {
     /// Figures of the paper, all of them, or OGBench's point mazes
     #[arg(value_name = "FIGURE", required = true, value_parser = names())]
     pub figures: Vec<String>,
@@ -85,7 +85,7 @@ fn names() -> PossibleValuesParser {
 }
 
 pub struct Reproduction<'a> {
-    options: &'a Options,
+    options: &'a FigureOptions,
     jobs: Jobs<'a>,
     figures: Vec<(&'static Figure, Vec<MethodRuns>)>,
 }
@@ -98,13 +98,13 @@ struct MethodRuns {
 }
 
 impl MethodRuns {
-    fn plan(&self) -> &Plan {
+    fn plan(&self) -> &TrainingPlan {
         &self.jobs[0].plan
     }
 }
 
 pub fn prepare<'a>(
-    options: &'a Options,
+    options: &'a FigureOptions,
     registry: &'a Arc<Registry>,
 ) -> Result<Reproduction<'a>, Report> {
     let chosen: Vec<&'static Figure> =
@@ -133,7 +133,7 @@ pub fn prepare<'a>(
 fn jobs(
     figure: &Figure,
     entry: &Entry,
-    options: &Options,
+    options: &FigureOptions,
     registry: &Registry,
 ) -> Result<Vec<JobSpec>, Report> {
     let preset = entry.preset();

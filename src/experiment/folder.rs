@@ -13,7 +13,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::spec::{JobResult, JobSpec};
 use crate::host::outputs::elsewhere;
-use gdg::files::{self, Format, LockFile, Mismatch, Wanted, has_extension, is_hidden};
+use gdg::files::{self, FileFormat, LockFile, Mismatch, Wanted, has_extension, is_hidden};
 use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};
 
@@ -21,8 +21,11 @@ const MAX_RESULT_BYTES: u64 = 64 << 20;
 
 const MOVE_AWAY: &str = "move it away, or give --out another folder";
 
-const RESULT: Wanted =
-    Wanted { name: "the result of a job", help: MOVE_AWAY, own: &[Format::Json, Format::Text] };
+const RESULT: Wanted = Wanted {
+    name: "the result of a job",
+    help: MOVE_AWAY,
+    own: &[FileFormat::Json, FileFormat::Text],
+};
 
 /// What experiments write besides `jobs`.
 const REPORTS: [&str; 6] =

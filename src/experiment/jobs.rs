@@ -18,9 +18,9 @@ use super::plan::Length;
 use super::spec::JobSpec;
 use crate::headless::{CheckpointSaver, evaluate, save_interval};
 use crate::host::EXIT_FAILURE;
+use crate::host::errors::print_error;
 use crate::host::outputs::{elsewhere, save_elsewhere};
-use crate::host::report::print_error;
-use crate::host::runs::SAVES;
+use crate::host::saves::SAVES;
 use crate::host::setup::{begin, learn_from, parallel_jobs};
 use crate::host::signals::TerminationSignal;
 use crate::host::values::{counts, output};
@@ -28,7 +28,9 @@ use crate::host::waiting::duration;
 use gdg::files::check_writable;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
-use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Session, Trainer, describe};
+use gdg::train::{
+    self, Due, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingLoop, describe,
+};
 
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
@@ -405,7 +407,7 @@ impl Runner<'_> {
         let (evaluate, limits) = self.open[i].plan.schedule();
         let schedule =
             Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
-        let mut session = Session::resume(schedule, trainer);
+        let mut session = TrainingLoop::resume(schedule, trainer);
         loop {
             while let Some(due) = session.next_due() {
                 match due {

@@ -9,15 +9,15 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report, miette};
 use serde::Serialize;
 
-use super::runs::{self, SavedRun};
+use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
-use crate::figure::{Format, MILLIMETRE, Page, Sheet};
+use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet};
 use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Waiting;
 use gdg::files::{named, read, write_atomically};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
-pub use lines::{Grouping, Line, Points, table};
+pub use lines::{Grouping, Points, SeedCurves, table};
 
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
@@ -47,7 +47,7 @@ Exit status: 0 success; 2 bad usage or input.";
 
 #[derive(Clone, Debug, Default, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub struct Options {
+pub struct PlotOptions {
     /// Folders of gdg-tui suite or reproduce or of checkpoints, checkpoints, and records of
     /// gdg-tui --no-ui
     #[arg(value_name = "FOLDER|CHECKPOINT|JSONL", required = true)]
@@ -200,7 +200,7 @@ impl Axis {
     }
 }
 
-pub struct Drawn {
+pub struct DrawnPlot {
     pub sheet: Sheet,
     pub table: Vec<u8>,
     /// What the figure shows, for its caption.
@@ -208,7 +208,7 @@ pub struct Drawn {
     pub notes: Vec<String>,
 }
 
-pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
+pub fn draw(runs: &[SavedRun], options: &PlotOptions) -> Result<DrawnPlot, Report> {
     let grouping = Grouping::new(runs, &options.by);
     let mut notes = Vec::new();
     let lines = lines::lines(runs, &grouping, options, &mut notes)?;
@@ -218,8 +218,13 @@ pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
     let table = table(&lines, axes, x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
     let title = format!("{} over {}", options.y.label(), options.x.label());
-    let page =
-        Page { title: &title, has_heading: false, charts: &charts, width: options.width, columns };
+    let page = ChartPage {
+        title: &title,
+        has_heading: false,
+        charts: &charts,
+        width: options.width,
+        columns,
+    };
     let seeds = || lines.iter().map(|line| line.seeds.len());
     let band = match [seeds().min(), seeds().max()].map(Option::unwrap_or_default) {
         [_, 0 | 1] => "one seed".to_owned(),
@@ -229,7 +234,7 @@ pub fn draw(runs: &[SavedRun], options: &Options) -> Result<Drawn, Report> {
         }
     };
     let caption = format!("{title}: {band}{}", of_plans(runs, options.y));
-    Ok(Drawn { sheet: page.draw(), table, caption, notes })
+    Ok(DrawnPlot { sheet: page.draw(), table, caption, notes })
 }
 
 /// Returns what a caption must say of success: which methods have plans.
@@ -253,7 +258,7 @@ fn of_plans(runs: &[SavedRun], y: Measure) -> String {
 }
 
 /// Reads runs, draws them and writes the files; returns a line for each.
-pub fn run(options: &Options) -> Result<String, Report> {
+pub fn run(options: &PlotOptions) -> Result<String, Report> {
     let first = options.runs.first().map_or(Path::new(""), PathBuf::as_path);
     let out = match &options.out[..] {
         [] => vec![beside(first, options.y.name())],
@@ -261,7 +266,8 @@ pub fn run(options: &Options) -> Result<String, Report> {
     };
     let format = |path: &PathBuf| {
         let help = "give --out a file that ends in .svg, .png or .pdf";
-        Format::of(path).ok_or_else(|| miette!(help = help, "{}: not a figure", path.display()))
+        FigureFormat::of(path)
+            .ok_or_else(|| miette!(help = help, "{}: not a figure", path.display()))
     };
     let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
     let table = out[0].with_extension("csv");
@@ -271,7 +277,7 @@ pub fn run(options: &Options) -> Result<String, Report> {
         refuse_existing(path, options.overwrite || is_own)?;
     }
     let reading = Waiting::on("reading the runs");
-    let (runs, mut notes) = runs::runs(&options.runs, &reading)?;
+    let (runs, mut notes) = saved_runs::runs(&options.runs, &reading)?;
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
@@ -344,8 +350,9 @@ mod tests {
 
     /// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
     fn drawn(files: &[PathBuf]) -> (Vec<String>, Vec<String>) {
-        let (runs, _) = runs::runs(files, &Job::default()).expect("runs");
-        let Drawn { table, notes, .. } = draw(&runs, &Options::default()).expect("a figure");
+        let (runs, _) = saved_runs::runs(files, &Job::default()).expect("runs");
+        let DrawnPlot { table, notes, .. } =
+            draw(&runs, &PlotOptions::default()).expect("a figure");
         let mut rows: Vec<String> = Vec::new();
         for row in csv::Reader::from_reader(&table[..]).records() {
             let row = row.expect("a row");

@@ -8,14 +8,14 @@ use miette::Report;
 
 use super::folder::{Folder, picture_name};
 use super::plot::Grouping;
-use super::runs::SavedRun;
+use super::saved_runs::SavedRun;
 use super::spec::{JobResult, JobSpec};
 use gdg::text::{aligned, counted, markdown};
 
 /// File of the learning curves, beside their table.
 pub const CURVES: &str = "success.svg";
 
-struct Column {
+struct ReportColumn {
     title: &'static str,
     digits: usize,
     /// Whether it is shown on a terminal, too.
@@ -28,11 +28,11 @@ const fn column(
     digits: usize,
     matters: bool,
     of: fn(&JobResult) -> Option<f64>,
-) -> Column {
-    Column { title, digits, matters, of }
+) -> ReportColumn {
+    ReportColumn { title, digits, matters, of }
 }
 
-const COLUMNS: [Column; 10] = [
+const COLUMNS: [ReportColumn; 10] = [
     column("planned", 3, true, |r| r.last()?.planned.as_ref()?.success),
     column("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
     column("greedy", 3, true, |r| r.last()?.greedy.success),
@@ -46,7 +46,7 @@ const COLUMNS: [Column; 10] = [
 ];
 
 /// One line: a map, a method with its settings, and the results of its seeds.
-pub struct Row {
+pub struct ReportRow {
     /// The map's name, with what tells it apart from others of that name.
     map: String,
     /// The method, with what tells it apart from its others.
@@ -59,25 +59,29 @@ pub struct Row {
 
 /// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
 /// so that no method's results replace those of another; and what cannot be used there.
-pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<Report>) {
+pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<ReportRow>, Vec<Report>) {
     let (mut others, problems) = folder.results();
     others.retain(|result| jobs.iter().all(|job| job.name != result.name));
     let own = jobs.iter().map(|job| folder.result_of(job).unwrap_or_else(|| job.open_result()));
     let all: Vec<JobResult> = own.chain(others).collect();
     let runs = all.iter().map(|result| SavedRun::of_result(result.clone(), PathBuf::new()));
     let grouping = Grouping::new(&runs.collect::<Vec<_>>(), &[]);
-    let mut rows: Vec<Row> = Vec::new();
+    let mut rows: Vec<ReportRow> = Vec::new();
     for (i, result) in all.into_iter().enumerate() {
         let [method, map, setting] = &grouping.parts[i];
         let gap = if setting.is_empty() { "" } else { ", " };
         let label = format!("{method}{gap}{setting}");
-        let is_of =
-            |row: &Row| (&row.map, &row.label, row.about.updates) == (map, &label, result.updates);
+        let is_of = |row: &ReportRow| {
+            (&row.map, &row.label, row.about.updates) == (map, &label, result.updates)
+        };
         let at = rows.iter().position(is_of).unwrap_or_else(|| {
             let last = rows.iter().rposition(|row| row.map == *map);
             let at = last.map_or(rows.len(), |last| last + 1);
             let (about, jobs, results) = (result.clone(), Vec::new(), Vec::new());
-            rows.insert(at, Row { map: map.clone(), label: label.clone(), about, jobs, results });
+            rows.insert(
+                at,
+                ReportRow { map: map.clone(), label: label.clone(), about, jobs, results },
+            );
             at
         });
         let row = &mut rows[at];
@@ -93,7 +97,7 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<Row>, Vec<Report>) {
 
 /// Returns the table: a line per map and method and, for several maps, lines with the mean and the
 /// worst of each column. In Markdown with all columns, or aligned with those that matter.
-pub fn table(rows: &[Row], as_markdown: bool) -> String {
+pub fn table(rows: &[ReportRow], as_markdown: bool) -> String {
     let columns = || COLUMNS.iter().filter(|column| as_markdown || column.matters);
     let plain = |text: &str| if as_markdown { markdown(text) } else { text.to_owned() };
     let heads = ["map", "method", "updates"].into_iter().chain(columns().map(|own| own.title));
@@ -115,9 +119,10 @@ pub fn table(rows: &[Row], as_markdown: bool) -> String {
         if labels.iter().filter(|of| *of == label).count() < 2 {
             continue;
         }
-        for (name, of) in
-            [("mean", (|_, v| mean(v)) as fn(&Column, &[f64]) -> f64), ("worst", Column::worst)]
-        {
+        for (name, of) in [
+            ("mean", (|_, v| mean(v)) as fn(&ReportColumn, &[f64]) -> f64),
+            ("worst", ReportColumn::worst),
+        ] {
             let name = if as_markdown { format!("**{name}**") } else { name.to_owned() };
             let total = columns().map(|column| {
                 let values: Vec<f64> = own.iter().filter_map(|own| (column.of)(own)).collect();
@@ -142,7 +147,7 @@ pub fn markdown_table(alignment: &str, rows: &[Vec<String>]) -> String {
     format!("{}|{rule}\n{}", lines(head), lines(rows))
 }
 
-impl Column {
+impl ReportColumn {
     fn worst(&self, values: &[f64]) -> f64 {
         let is_error = self.title.starts_with("error") || self.title.starts_with("false");
         let worse = if is_error { f64::max } else { f64::min };
@@ -170,7 +175,7 @@ fn mean(values: &[f64]) -> f64 {
 
 /// Returns the report on `rows`, whose pictures are in `folder`; `caption` is that of the learning
 /// curves, if there are any.
-pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
+pub fn report(rows: &[ReportRow], folder: &Folder, caption: Option<&str>) -> String {
     let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table(rows, true));
     out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light \
             near and dark far, with contour lines; from the start (blue), the plan is red and the \
@@ -206,7 +211,7 @@ pub fn report(rows: &[Row], folder: &Folder, caption: Option<&str>) -> String {
     out
 }
 
-fn about(rows: &[Row]) -> String {
+fn about(rows: &[ReportRow]) -> String {
     let seeds = rows.iter().map(|row| row.jobs.len().max(row.results.len())).max().unwrap_or(0);
     format!(
         "gdg-tui {}; {} each, on tasks at six distances. Agents start at the map's `S`; on a map \
@@ -218,8 +223,9 @@ fn about(rows: &[Row]) -> String {
 }
 
 fn section(result: &JobResult, folder: &Folder) -> String {
-    let number =
-        |column: &Column| Some(format!("{} {}", column.title, column.format((column.of)(result)?)));
+    let number = |column: &ReportColumn| {
+        Some(format!("{} {}", column.title, column.format((column.of)(result)?)))
+    };
     let numbers = COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ");
     let (seed, seconds) = (result.seed, result.seconds);
     let text = format!("Seed {seed}: {numbers}; {seconds:.0} s.");

@@ -7,16 +7,16 @@ use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::jobs::{JobOptions, Jobs, print, warn_if_short};
-use super::plan::Plan;
-use super::plot::{self, By, Drawn, PAGE};
-use super::report::{CURVES, Row, report, rows, table};
-use super::runs::SavedRun;
+use super::plan::TrainingPlan;
+use super::plot::{self, By, DrawnPlot, PAGE};
+use super::report::{CURVES, ReportRow, report, rows, table};
+use super::saved_runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
-use crate::figure::Format;
-use crate::host::maps::{MapArgs, find_map, known_name, warn, warnings};
-use crate::host::report::from_map_error;
-use crate::host::setup::{self, Base, RunChoice};
+use crate::figure::FigureFormat;
+use crate::host::errors::from_map_error;
+use crate::host::find_maps::{MapArgs, find_map, known_name, warn, warnings};
+use crate::host::setup::{self, RunChoice, SettingsBase};
 use crate::host::values::{MethodParser, counts, methods_help};
 use crate::host::waiting::Waiting;
 use gdg::env::maze;
@@ -44,7 +44,7 @@ Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 #[derive(Clone, Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
-pub struct Options {
+pub struct SuiteOptions {
     /// Built-in maps, map files, folders, of which the .map files that are not hidden are used, or
     /// the .txt files if there are none, and other worlds, like fetch-reach
     #[arg(value_name = "FOLDER|MAP", required = true)]
@@ -73,7 +73,7 @@ pub struct Options {
     pub method: Vec<Method>,
 
     #[command(flatten)]
-    pub base: Base,
+    pub base: SettingsBase,
 
     /// Change one setting, of all runs, or of the method called NAME; any other NAME is a variant,
     /// which trains with these changes beside the runs without (repeatable)
@@ -109,7 +109,10 @@ pub struct Suite<'a> {
     markdown: bool,
 }
 
-pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<Suite<'a>, Report> {
+pub fn prepare<'a>(
+    options: &'a SuiteOptions,
+    registry: &'a Arc<Registry>,
+) -> Result<Suite<'a>, Report> {
     let (base, set) = (options.base.clone(), options.set.clone());
     let run = RunChoice { method: Method::default(), base, set };
     let variants = match options.ablation {
@@ -131,7 +134,7 @@ pub fn prepare<'a>(options: &'a Options, registry: &'a Arc<Registry>) -> Result<
             for variant in &variants {
                 for seed in 1..=options.seeds {
                     let run = setup::run(&variant.run, Path::new(opened_by), registry, seed)?;
-                    let plan = Plan::suite(updates, options.eval_tasks);
+                    let plan = TrainingPlan::suite(updates, options.eval_tasks);
                     let job = JobSpec::new(world.with_start(seed), &variant.label, run, plan)?;
                     jobs.push(JobSpec { variant: variant.name.clone(), ..job });
                     usual.push(usual_updates);
@@ -209,7 +212,7 @@ impl Suite<'_> {
 
     /// Draws the learning curves, a chart for each map; returns their caption, or `None` without
     /// results.
-    fn draw_curves(&self, rows: &[Row]) -> Result<Option<String>, Report> {
+    fn draw_curves(&self, rows: &[ReportRow]) -> Result<Option<String>, Report> {
         let folder = &self.jobs.folder;
         let results = rows.iter().flat_map(|row| &row.results);
         let runs: Vec<SavedRun> = results
@@ -223,10 +226,10 @@ impl Suite<'_> {
             return Ok(None);
         }
         let by = vec![By::Method, By::Setting];
-        let options = plot::Options { by, width: PAGE, ..plot::Options::default() };
-        let Drawn { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
+        let options = plot::PlotOptions { by, width: PAGE, ..plot::PlotOptions::default() };
+        let DrawnPlot { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
-        folder.write(CURVES, &Format::Svg.encode(&sheet)?)?;
+        folder.write(CURVES, &FigureFormat::Svg.encode(&sheet)?)?;
         folder.write("success.csv", &table)?;
         Ok(Some(caption))
     }

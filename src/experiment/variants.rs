@@ -1,15 +1,15 @@
-//! What a suite trains on every map: methods, each with the settings of variants, of sweeps, or of
-//! an ablation.
+//! The variants that a suite trains on every map: methods with settings of their own, sweeps, and
+//! ablations.
 
 use miette::{Report, miette};
 use serde_json::Value;
 
 use super::spec::setting_text;
-use crate::host::setup::{Base, RunChoice, split_prefix};
-use gdg::settings::Ablation as Without;
+use crate::host::setup::{RunChoice, SettingsBase, split_prefix};
+use gdg::settings::SettingAblation;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
-pub struct Variant {
+pub struct SuiteVariant {
     pub name: Option<String>,
     /// What names of jobs say of it.
     pub label: String,
@@ -81,7 +81,7 @@ pub fn variants(
     methods: &[Method],
     base: &RunChoice,
     sweeps: &[String],
-) -> Result<Vec<Variant>, Report> {
+) -> Result<Vec<SuiteVariant>, Report> {
     let sweeps = combinations(sweeps)?;
     let own: Vec<String> = methods.iter().map(Method::name).collect();
     let mut names: Vec<Option<&str>> = vec![None];
@@ -100,7 +100,7 @@ pub fn variants(
             };
             let own = base.set.iter().filter(is_own).map(|text| split_prefix(text).1.to_owned());
             let set: Vec<String> = own.collect();
-            all.extend(sweeps.iter().map(|swept| Variant {
+            all.extend(sweeps.iter().map(|swept| SuiteVariant {
                 name: name.map(str::to_owned),
                 label: label(&method.name(), *name, swept),
                 run: RunChoice {
@@ -149,14 +149,14 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
 
 impl Ablation {
     /// Returns its variants in the order of the table, each on top of the settings of `base`.
-    pub fn variants(self, base: &RunChoice) -> Vec<Variant> {
+    pub fn variants(self, base: &RunChoice) -> Vec<SuiteVariant> {
         let variant = |name: &str, method: &str, preset, set: &[String]| {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
-            let base = Base { preset: Some(preset), config: None };
+            let base = SettingsBase { preset: Some(preset), config: None };
             let run = RunChoice { method, base, set };
-            Variant { name: Some(name.to_owned()), label, run }
+            SuiteVariant { name: Some(name.to_owned()), label, run }
         };
         if self == Self::Ladder {
             let (default, mut set) = (list_settings(&Settings::default()), Vec::new());
@@ -174,7 +174,7 @@ impl Ablation {
             variant(name, method, Preset::Default, &set)
         };
         let without = SETTINGS.iter().filter_map(|setting| {
-            let Without { name, value } = setting.ablation?;
+            let SettingAblation { name, value } = setting.ablation?;
             Some(changed(name, METHOD, &format!("{}={value}", setting.name)))
         });
         let others = OTHER_METHODS.map(|(name, method)| changed(name, method, ""));
@@ -190,10 +190,10 @@ mod tests {
 
     fn base(set: &str) -> RunChoice {
         let set = vec![set.to_owned()];
-        RunChoice { method: Method::default(), base: Base::default(), set }
+        RunChoice { method: Method::default(), base: SettingsBase::default(), set }
     }
 
-    fn settings(variant: &Variant) -> Settings {
+    fn settings(variant: &SuiteVariant) -> Settings {
         let overrides = Overrides { set: &variant.run.set, ..Overrides::default() };
         settings_from(variant.run.base.preset.expect("a preset"), &overrides)
             .expect("valid settings")

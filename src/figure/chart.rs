@@ -87,7 +87,7 @@ pub struct Point {
 }
 
 #[derive(Clone, Debug)]
-pub struct Page<'a> {
+pub struct ChartPage<'a> {
     /// What they show, for the file's metadata.
     pub title: &'a str,
     /// Whether that is written above them.
@@ -124,7 +124,7 @@ struct Placed<'a> {
     area: Area,
 }
 
-impl Page<'_> {
+impl ChartPage<'_> {
     pub fn draw(&self) -> Sheet {
         let columns = self.columns.clamp(1, self.charts.len().max(1));
         let column = (self.width - MARGIN * (columns as f32 + 1.0)) / columns as f32;

@@ -1,6 +1,6 @@
-//! What is drawn on a page, in order, with text in DejaVu Sans; and the page as a file: as SVG, where
-//! text stays text, so that it can be edited and searched; as pixels; and as PDF, with letters as
-//! outlines, as publishers ask that fonts are embedded.
+//! The marks drawn on a page, in order, with text in DejaVu Sans; and the page as a file: as SVG,
+//! where text can be edited and searched; as pixels; and as PDF, with letters as outlines, since
+//! publishers want no fonts that are not embedded.
 
 use std::io::Write;
 use std::sync::LazyLock;

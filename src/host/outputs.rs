@@ -1,4 +1,4 @@
-//! The files that a run writes: which may be replaced, and where else they can go.
+//! The files that a run writes: which may be replaced, and where the others go.
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use directories::ProjectDirs;
 use miette::{Report, miette};
 
-use crate::host::runs::{SAVES, is_named_like_one};
+use crate::host::saves::{SAVES, is_named_like_one};
 use gdg::files;
 use gdg::train::{self, SaveTo, Trainer};
 

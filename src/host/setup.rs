@@ -1,4 +1,4 @@
-//! Runs to train: what they are made of, and how they begin.
+//! Sets up runs: method, settings and world from options, and the trainer.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,8 +6,8 @@ use std::sync::Arc;
 use clap::Args;
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::host::maps::{find_map, known_name};
-use crate::host::report::{from_config_error, from_data_error, from_map_error};
+use crate::host::errors::{from_config_error, from_data_error, from_map_error};
+use crate::host::find_maps::{find_map, known_name};
 use crate::host::values::{MethodParser, methods_help, preset_parser};
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::job::Job;
@@ -49,7 +49,7 @@ pub struct RunChoice {
     pub method: Method,
 
     #[command(flatten)]
-    pub base: Base,
+    pub base: SettingsBase,
 
     /// Change one setting (repeatable)
     #[arg(long, value_name = "NAME=VALUE")]
@@ -58,7 +58,7 @@ pub struct RunChoice {
 
 /// What the settings of a run are based on.
 #[derive(Clone, Debug, Default, Args)]
-pub struct Base {
+pub struct SettingsBase {
     /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
     #[arg(long, value_parser = preset_parser())]
     pub preset: Option<Preset>,

@@ -1,4 +1,4 @@
-//! Reports what the program still waits for, and how far it is.
+//! Reports what the program waits for, and its progress.
 
 use std::io::{self, IsTerminal, Write};
 use std::ops::Deref;
@@ -130,7 +130,7 @@ fn describe(job: &Job, began: Instant) -> String {
 /// cursor.
 pub fn progress_bar(length: Option<u64>, template: &str) -> ProgressBar {
     let target = if terminal_obeys_escapes() {
-        let terminal = console::Term::read_write_pair(io::stdin(), Frames);
+        let terminal = console::Term::read_write_pair(io::stdin(), ProgressFrames);
         ProgressDrawTarget::term(terminal, FRAMES_PER_SECOND)
     } else {
         ProgressDrawTarget::hidden()
@@ -154,9 +154,9 @@ const FRAMES_PER_SECOND: u8 = 20;
 
 /// Standard error for the frames of a progress bar.
 #[derive(Debug)]
-struct Frames;
+struct ProgressFrames;
 
-impl Write for Frames {
+impl Write for ProgressFrames {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         printing::stderr().print_frame(bytes);
         Ok(bytes.len())
@@ -167,7 +167,7 @@ impl Write for Frames {
     }
 }
 
-impl std::os::fd::AsRawFd for Frames {
+impl std::os::fd::AsRawFd for ProgressFrames {
     fn as_raw_fd(&self) -> std::os::fd::RawFd {
         io::stderr().as_raw_fd()
     }

@@ -12,7 +12,7 @@ use ratatui::layout::Position;
 use super::action::{Action, Mode};
 use super::compare::Comparison;
 use super::dialog::Dialog;
-use super::graphics::{Graphics, Picture, Redraw};
+use super::graphics::{Graphics, Redraw, TerminalPicture};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap;
 use super::layout::{Click, ScreenLayout};
@@ -244,7 +244,7 @@ impl Interface for App {
         }
     }
 
-    fn pictures(&self) -> Vec<&Picture> {
+    fn pictures(&self) -> Vec<&TerminalPicture> {
         self.sessions().iter().filter_map(|session| session.cache.picture()).collect()
     }
 

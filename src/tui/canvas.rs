@@ -7,8 +7,8 @@ use std::sync::Arc;
 use gdg::draw::{Raster, TextPixel, paint_text, positions_along, text_size};
 use gdg::map::Cell;
 
-use super::raster::MapFrame;
 use super::theme::{Rgb, Theme, blend, contour, ink};
+use super::viewport::MapFrame;
 
 const CAPITAL_SHARE: f32 = 0.62;
 

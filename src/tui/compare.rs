@@ -4,12 +4,12 @@
 //! equal, and starts the two walking agents at the same time.
 //!
 //! * `race`: the walks of the two agents.
-//! * `draw`: the screen.
-//! * `prepare`: the two trainers.
+//! * `split_view`: the screen.
+//! * `contenders`: the two trainers.
 
-mod draw;
-mod prepare;
+mod contenders;
 mod race;
+mod split_view;
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -31,11 +31,11 @@ use super::scene::MazeState;
 use super::scene::maze::place_walker;
 use super::session::{Session, time, view};
 use crate::experiment::plot::Axis;
-use gdg::engine::{Command, Engine};
+pub use contenders::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
+use gdg::engine::{Engine, EngineCommand};
 use gdg::map::Cell;
 use gdg::train::Limits;
 use gdg::viewer::{Field, OnArrival, View, Viewer};
-pub use prepare::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use race::Race;
 
 /// The names of the sides.
@@ -76,11 +76,11 @@ fn start_side(
     keymap: &Keymap,
     limits: Limits,
 ) -> Result<(Session, Side, Engine), Report> {
-    let side = Side { title, about: prepare::about(trainer.run(), trainer.registry()) };
+    let side = Side { title, about: contenders::about(trainer.run(), trainer.registry()) };
     // A method with slow evaluations must not be judged by its first steps.
-    let evaluations = Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR);
+    let evaluations = EngineCommand::PauseEvaluations(EVALUATION_PAUSE_FACTOR);
     // A saved run is shown as it was saved, without another update.
-    let at_first = is_paused.then_some(Command::Pause).into_iter().chain([evaluations]);
+    let at_first = is_paused.then_some(EngineCommand::Pause).into_iter().chain([evaluations]);
     let engine = Engine::resume(trainer, limits, None, at_first).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
@@ -212,7 +212,7 @@ impl Comparison {
 
     pub fn draw(&mut self, frame: &mut Frame) {
         self.sessions.iter_mut().for_each(|session| session.cache.begin());
-        self.layout = draw::draw(frame, self);
+        self.layout = split_view::draw(frame, self);
     }
 
     pub fn close(self, engines: impl Iterator<Item = Engine>) -> ClosedRun {
@@ -316,7 +316,7 @@ impl Comparison {
 
     pub fn open_help(&mut self, _: Action) {
         let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_deref()));
-        let help = Help::of_comparison(prepare::introduction(about));
+        let help = Help::of_comparison(contenders::introduction(about));
         self.sessions[0].open(Dialog::Help(help));
     }
 

@@ -13,9 +13,9 @@ use serde::Deserialize;
 use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::theme::ThemeName;
-use crate::host::report::ExplainedError;
+use crate::host::errors::ExplainedError;
 use crate::tui::marker::Marker;
-use gdg::files::{self, Format, Mismatch, Wanted};
+use gdg::files::{self, FileFormat, Mismatch, Wanted};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
 #[derive(Clone, Debug, Deserialize)]
@@ -44,7 +44,7 @@ const CONFIGURATION: Wanted = Wanted {
     name: "a configuration of the interface",
     help: "give a TOML file in the format of --print-config-template; settings of a run are \
            given with --config",
-    own: &[Format::Text],
+    own: &[FileFormat::Text],
 };
 
 /// Maximum size of the file in bytes, and maximum characters of it quoted in an error.

@@ -287,7 +287,7 @@ impl Item {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub enum Row<'a> {
+pub enum PickerRow<'a> {
     Title(&'static str),
     Item(&'a Item, bool),
 }
@@ -350,16 +350,16 @@ impl Picker {
     }
 
     /// Returns the rows shown: the best matches first, or all items by group.
-    pub fn rows(&self) -> Vec<Row<'_>> {
+    pub fn rows(&self) -> Vec<PickerRow<'_>> {
         let mut rows = Vec::new();
         let mut group = "";
         for (n, i) in self.shown.iter().enumerate() {
             let item = &self.items[*i];
             if self.typed.value().is_empty() && item.group != group {
-                rows.push(Row::Title(item.group));
+                rows.push(PickerRow::Title(item.group));
                 group = item.group;
             }
-            rows.push(Row::Item(item, n == self.selected));
+            rows.push(PickerRow::Item(item, n == self.selected));
         }
         rows
     }
@@ -387,9 +387,10 @@ impl Picker {
     /// Selects the item on a row of [`Self::rows`]; returns whether there is one.
     pub fn select(&mut self, row: usize) -> bool {
         let rows = self.rows();
-        let there = matches!(rows.get(row), Some(Row::Item(..)));
+        let there = matches!(rows.get(row), Some(PickerRow::Item(..)));
         if there {
-            self.selected = rows[..row].iter().filter(|row| matches!(row, Row::Item(..))).count();
+            self.selected =
+                rows[..row].iter().filter(|row| matches!(row, PickerRow::Item(..))).count();
         }
         there
     }

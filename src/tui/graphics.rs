@@ -49,7 +49,7 @@ pub fn is_worth_asking(marker: Marker, variable: impl Fn(&str) -> Option<String>
 }
 
 /// A picture drawn in place of characters.
-pub struct Picture {
+pub struct TerminalPicture {
     pub area: Rect,
     /// Columns of pixels: a whole number per character.
     pub columns: usize,
@@ -72,7 +72,7 @@ pub enum Redraw {
 /// these cells only once something replaces the picture.
 const BLANK: Style = Style::new().fg(Color::Indexed(16));
 
-impl Picture {
+impl TerminalPicture {
     pub fn reserve(area: Rect, buffer: &mut ratatui::buffer::Buffer) {
         for at in area.intersection(buffer.area).positions() {
             let cell = &mut buffer[at];

@@ -4,7 +4,7 @@ use crossterm::event::Event;
 use miette::Report;
 use ratatui::Frame;
 
-use super::graphics::{Graphics, Picture, Redraw};
+use super::graphics::{Graphics, Redraw, TerminalPicture};
 
 /// A request to the terminal by the interface or by another process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,7 @@ pub trait Interface {
     fn report(&mut self, problem: &str);
 
     /// Returns the pictures that belong to the frame.
-    fn pictures(&self) -> Vec<&Picture> {
+    fn pictures(&self) -> Vec<&TerminalPicture> {
         Vec::new()
     }
 

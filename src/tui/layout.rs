@@ -1,4 +1,4 @@
-//! Where things were drawn, so that clicks can be resolved.
+//! The areas of the last frame, to find what a click is on.
 
 use std::ops::Range;
 
@@ -7,9 +7,9 @@ use ratatui::layout::{Position, Rect};
 use ratatui::text::{Line, Span};
 
 use super::action::Action;
+use super::pane_text::fitted_line;
 use super::projection::Projection;
-use super::raster::MapFrame;
-use super::text::fitted_line;
+use super::viewport::MapFrame;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {

@@ -6,14 +6,14 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::screen::Screen;
-use gdg::engine::{Command, EngineLink, Snapshot};
+use gdg::engine::{EngineCommand, EngineLink, Snapshot};
 use gdg::job::Job;
 use gdg::viewer::{Request, Viewer};
 
 /// Time after which it is shown what the trainer does instead of training.
 const SHOWN_AFTER: Duration = Duration::from_millis(500);
 
-pub struct Link {
+pub struct TrainerLink {
     pub engine: EngineLink,
     pub viewer: Viewer,
     /// The number of the latest request for a goal.
@@ -22,7 +22,7 @@ pub struct Link {
     pub rng: ChaCha8Rng,
 }
 
-impl Link {
+impl TrainerLink {
     /// Connects a screen that shows `snapshot` at first.
     pub fn new(engine: EngineLink, viewer: Viewer, snapshot: &Snapshot) -> Self {
         let rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
@@ -35,7 +35,7 @@ impl Link {
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
-    pub fn command(&self, command: Command, screen: &mut Screen) -> bool {
+    pub fn command(&self, command: EngineCommand, screen: &mut Screen) -> bool {
         let sent = self.engine.send(command);
         if !sent {
             screen.notify("the trainer is busy: try again");

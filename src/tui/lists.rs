@@ -7,7 +7,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::dialog::{Choice, Item, Picker};
-use crate::host::runs::resume_command;
+use crate::host::saves::resume_command;
 use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::output::ExportKind;
 use crate::tui::scene::Scene;
@@ -19,7 +19,7 @@ use gdg::files::has_extension;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Registry, SETTINGS,
+    CheckpointError, METHODS, Method, NamedMethod, Preset, Registry, RunDescription, SETTINGS,
     Setting, list_settings,
 };
 use gdg::viewer::Field;
@@ -288,7 +288,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
 }
 
 /// A checkpoint's summary, or why it cannot be loaded.
-pub type Described = Result<Description, CheckpointError>;
+pub type Described = Result<RunDescription, CheckpointError>;
 
 /// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last,
 /// with the reason.
@@ -306,7 +306,7 @@ pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
     Picker::new("load a checkpoint", found.iter().map(item).collect())
 }
 
-fn about(d: &Description, zone: &TimeZone) -> String {
+fn about(d: &RunDescription, zone: &TimeZone) -> String {
     let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
         (Some(planned), Some(greedy)) => format!("success {planned:.2}, greedy {greedy:.2}"),
         (_, Some(greedy)) => format!("success {greedy:.2}"),

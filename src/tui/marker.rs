@@ -1,4 +1,4 @@
-//! What the map is drawn with, as given by options and configuration.
+//! The marker that the map is drawn with: half blocks, quadrants or pixels.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};

@@ -6,7 +6,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use ratatui::layout::{Constraint, Layout, Position, Rect};
 
 use super::marker::Marker;
-use super::raster::MapFrame;
+use super::viewport::MapFrame;
 use gdg::draw::Raster;
 use gdg::viewer::Plane;
 

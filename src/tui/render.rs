@@ -13,13 +13,13 @@
 //! +----------------------------------------------------------+
 //! ```
 
-pub(super) mod chart;
 pub(super) mod curves;
 pub(super) mod dialog;
 pub(super) mod footer;
 mod header;
 pub(super) mod help;
 mod hint;
+pub(super) mod pane_chart;
 mod side;
 mod tour;
 mod training;
@@ -30,9 +30,9 @@ use ratatui::style::Color;
 use ratatui::widgets::Paragraph;
 
 use super::layout::ScreenLayout;
+use super::pane_text::{first_lines, wrapped};
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
-use super::text::{first_lines, wrapped};
 use super::theme::Theme;
 use gdg::text::is_active;
 
@@ -49,7 +49,7 @@ const LEAST_GAIN_BELOW: f32 = 1.25;
 const WIDE_SCREEN: u16 = 110;
 const VERY_WIDE_SCREEN: u16 = 160;
 
-pub struct Page<'a, 'b> {
+pub struct ScreenPainter<'a, 'b> {
     frame: &'a mut Frame<'b>,
     screen: &'a Screen,
     scene: &'a Scene,
@@ -85,24 +85,24 @@ pub fn draw_panes(
     cache: &mut Cache,
 ) -> ScreenLayout {
     let whole = frame.area();
-    let mut page = Page { frame, screen, scene, layout: ScreenLayout::new(whole) };
+    let mut page = ScreenPainter { frame, screen, scene, layout: ScreenLayout::new(whole) };
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
             .areas(whole);
     header::draw(&mut page, head);
-    let panel = Panel::place(body, scene.proportions());
-    page.layout.lacks_panel = panel == Panel::Nowhere;
+    let panel = PanelPosition::place(body, scene.proportions());
+    page.layout.lacks_panel = panel == PanelPosition::Nowhere;
     if screen.maximised {
         side::draw_maximised(&mut page, body);
     } else {
         let [map_pane, side] = match panel {
-            Panel::Beside(columns) => {
+            PanelPosition::Beside(columns) => {
                 Layout::horizontal([Constraint::Min(0), Constraint::Length(columns)]).areas(body)
             }
-            Panel::Below(rows) => {
+            PanelPosition::Below(rows) => {
                 Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(body)
             }
-            Panel::Nowhere => [body, Rect::default()],
+            PanelPosition::Nowhere => [body, Rect::default()],
         };
         page.layout.map_pane = map_pane;
         let [map, info] =
@@ -120,13 +120,13 @@ pub fn draw_panes(
 
 /// Where the panel with the panes goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Panel {
+enum PanelPosition {
     Beside(u16),
     Below(u16),
     Nowhere,
 }
 
-impl Panel {
+impl PanelPosition {
     /// Places the panel beside the map, or below it if that leaves clearly more room.
     fn place(body: Rect, [width, height]: [f32; 2]) -> Self {
         let columns = match body.width {

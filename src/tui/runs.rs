@@ -2,10 +2,10 @@
 //! they differ in.
 //!
 //! * `list`: the rows: filter, order, marks and selection; resumes, compares and deletes them.
-//! * `draw`: the screen.
+//! * `list_view`: the screen.
 
-mod draw;
 mod list;
+mod list_view;
 #[cfg(test)]
 pub(super) mod tests;
 
@@ -36,11 +36,11 @@ use super::log::Log;
 use super::screen::PATIENCE;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
-use crate::experiment::runs::{COLUMNS, Found, Reader, name};
+use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
 use crate::host::setup::Setup;
-use draw::Places;
 use gdg::job::{Job, Running};
 use list::{List, delete};
+use list_view::ClickAreas;
 
 /// The pause before folders are read again: at least this, and as a multiple of the time that
 /// reading took, so that large folders do not keep a core busy.
@@ -72,7 +72,7 @@ pub type Opener = Arc<dyn Fn(Wish, &Job) -> Result<Opened, Report> + Send + Sync
 pub struct RunsScreen {
     title: String,
     /// What the thread that reads them has found.
-    found: watch::Receiver<Arc<Found>>,
+    found: watch::Receiver<Arc<FoundRuns>>,
     /// Asks that thread for another look; it ends with this sender.
     again: Sender<()>,
     /// Files read, of how many, once any has been.
@@ -88,7 +88,7 @@ pub struct RunsScreen {
     log: Log,
     theme: Theme,
     keymap: Keymap,
-    places: Places,
+    places: ClickAreas,
     opener: Opener,
     wish: Option<Wish>,
     opening: Option<Running<Result<Opened, Report>>>,
@@ -106,7 +106,7 @@ impl RunsScreen {
     ) -> Result<Self, Report> {
         let (publish, found) = watch::channel(Arc::default());
         let (again, asked) = channel();
-        let mut reader = Reader::new(folders);
+        let mut reader = RunReader::new(folders);
         let follow = move || {
             let mut began = Instant::now();
             while !publish.is_closed() {
@@ -126,7 +126,7 @@ impl RunsScreen {
 
     fn new(
         title: &str,
-        (found, again): (watch::Receiver<Arc<Found>>, Sender<()>),
+        (found, again): (watch::Receiver<Arc<FoundRuns>>, Sender<()>),
         opener: Opener,
         config: &UiConfig,
         keymap: Keymap,
@@ -145,7 +145,7 @@ impl RunsScreen {
             log: Log::default(),
             theme: Theme::new(config.theme, ColourDepth::detect()),
             keymap,
-            places: Places::default(),
+            places: ClickAreas::default(),
             opener,
             wish: None,
             opening: None,
@@ -182,14 +182,14 @@ impl RunsScreen {
         let _ = self.again.send(());
     }
 
-    fn list(&mut self, found: &Found) {
+    fn list(&mut self, found: &FoundRuns) {
         self.read = Some(found.read);
         self.list.update(&found.runs);
     }
 }
 
 /// Reads what is new and publishes it, on the way too.
-fn read(reader: &mut Reader, publish: &watch::Sender<Arc<Found>>) {
+fn read(reader: &mut RunReader, publish: &watch::Sender<Arc<FoundRuns>>) {
     let mut shown = Instant::now();
     let found = reader.read(|_, so_far| {
         if shown.elapsed() > SHOW_INTERVAL {
@@ -406,7 +406,7 @@ impl Interface for RunsScreen {
     }
 
     fn draw(&mut self, frame: &mut Frame) {
-        self.places = draw::draw(frame, self);
+        self.places = list_view::draw(frame, self);
         if let (Some(help), Some(lines)) = (&mut self.help, &self.places.layout.help_lines) {
             (help.first, help.page) = (lines.start, lines.len());
         }

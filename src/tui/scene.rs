@@ -18,9 +18,9 @@ use ratatui::text::Line;
 use super::action::{Action, Binding, Mode};
 use super::layers::Overlay;
 use super::layout::ScreenLayout;
-use super::link::Link;
+use super::link::TrainerLink;
+use super::pane_text::fact;
 use super::screen::Screen;
-use super::text::fact;
 use gdg::engine::Snapshot;
 use gdg::env::WorldScene;
 use gdg::map::Grid;
@@ -92,11 +92,11 @@ pub trait SceneKind {
         cache: &mut Cache,
     );
 
-    fn start(&mut self, screen: &mut Screen, link: &mut Link);
+    fn start(&mut self, screen: &mut Screen, link: &mut TrainerLink);
 
-    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &Link);
+    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &TrainerLink);
 
-    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link);
+    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink);
 
     /// Handles the mouse where nothing is clickable; returns whether it did anything.
     fn on_mouse(
@@ -104,14 +104,14 @@ pub trait SceneKind {
         kind: MouseEventKind,
         at: Position,
         screen: &mut Screen,
-        link: &mut Link,
+        link: &mut TrainerLink,
     ) -> bool;
 
     /// Returns to showing everything; returns whether anything changed.
-    fn close(&mut self, link: &Link) -> bool;
+    fn close(&mut self, link: &TrainerLink) -> bool;
 
     /// Has the viewer compute what the pixels show; `before` is the previous layout.
-    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link);
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &TrainerLink);
 
     /// The frame of the film that is shown: the viewer's latest, to avoid flicker.
     fn past(&self) -> Option<&FilmFrame> {

@@ -17,7 +17,9 @@ use crate::tui::marker::Marker;
 use gdg::bridge::SearchOutcome;
 use gdg::engine::{Phase, Snapshot};
 use gdg::text::grouped;
-use gdg::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
+use gdg::train::{
+    FilmFrame, Preset, Run, Settings, SuccessSummary, changed_from, settings_in_world,
+};
 use gdg::viewer::{Field, OnArrival};
 
 /// How long the interface waits for what is done on another thread before it goes on.
@@ -174,7 +176,7 @@ impl Screen {
         self.snapshot.unsaved_updates()
     }
 
-    pub fn success(&self) -> Option<Success> {
+    pub fn success(&self) -> Option<SuccessSummary> {
         self.snapshot.evaluation().map(|(updates, e)| e.success(self.snapshot.learned(*updates)))
     }
 

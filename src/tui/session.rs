@@ -1,12 +1,12 @@
 //! A run on the screen: forwards what the user does to trainer and viewer, and what they publish to
 //! the screen.
 //!
-//! What commands do with it: `time`, `view`, `runs`, `files`, `saving`, `tour`. `answer`:
+//! What commands do with it: `time`, `view`, `change_run`, `disk`, `saving`, `tour`. `answer`:
 //! dialogs and their answers.
 
 mod answer;
-pub mod files;
-pub mod runs;
+pub mod change_run;
+pub mod disk;
 pub mod saving;
 pub mod time;
 mod tour;
@@ -28,21 +28,21 @@ use super::interface::TerminalRequest;
 use super::keymap::Keymap;
 use super::layer::draw_dialog;
 use super::layout::ScreenLayout;
-use super::link::Link;
+use super::link::TrainerLink;
 use super::lists;
 use super::render;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::{PATIENCE, Screen};
-use files::Show;
-use gdg::engine::{Command, EngineLink, NextEvaluation, Phase, Snapshot};
+use disk::ShowResult;
+use gdg::engine::{EngineCommand, EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
 use gdg::train::SaveTo;
 use gdg::viewer::{Field, Request, View, Viewer};
 use saving::Saver;
-use tour::Guide;
 #[cfg(test)]
 pub use tour::STEPS as ALL_STEPS;
+use tour::TourGuide;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
 /// What commands act on: the screen, what is drawn in the place of the map, and the ways to trainer
@@ -50,17 +50,17 @@ pub use tour::{MAP as TOUR_MAP, run as tour_run};
 pub struct Cx {
     pub screen: Screen,
     pub scene: Scene,
-    pub link: Link,
-    pub writing: Option<Running<Show>>,
+    pub link: TrainerLink,
+    pub writing: Option<Running<ShowResult>>,
     /// The map or checkpoints that are being read, and how long to wait for them before the
     /// interface goes on.
-    pub reading: Option<Running<Show>>,
+    pub reading: Option<Running<ShowResult>>,
     pub reading_patience: Duration,
 }
 
 impl Cx {
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
-    pub fn command(&mut self, command: Command) -> bool {
+    pub fn command(&mut self, command: EngineCommand) -> bool {
         self.link.command(command, &mut self.screen)
     }
 
@@ -84,7 +84,7 @@ impl Cx {
     /// Lets the maze react to something, if the scene is one.
     pub fn in_maze<T: Default>(
         &mut self,
-        react: impl FnOnce(&mut MazeState, &mut Screen, &mut Link) -> T,
+        react: impl FnOnce(&mut MazeState, &mut Screen, &mut TrainerLink) -> T,
     ) -> T {
         let Self { screen, scene, link, .. } = self;
         scene.maze_mut().map_or_else(T::default, |maze| react(maze, screen, link))
@@ -97,7 +97,7 @@ pub struct Session {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<Arc<View>>,
     pub saver: Saver,
-    pub guide: Guide,
+    pub guide: TourGuide,
     /// What the terminal has been asked to do.
     pub terminal_request: Option<TerminalRequest>,
     /// What the next frame can reuse.
@@ -134,7 +134,7 @@ impl Session {
         let snapshot = snapshots.borrow().clone();
         let cx = Cx {
             scene: Scene::of(&snapshot),
-            link: Link::new(engine, viewer, &snapshot),
+            link: TrainerLink::new(engine, viewer, &snapshot),
             screen: Screen::new(config, keymap, snapshot),
             writing: None,
             reading: None,
@@ -145,7 +145,7 @@ impl Session {
             snapshots,
             views,
             saver: Saver::new(save, config.autosave_minutes),
-            guide: Guide::default(),
+            guide: TourGuide::default(),
             terminal_request: None,
             cache: Cache::with_pictures(),
             was_frozen: false,
@@ -295,7 +295,7 @@ impl Session {
         let dropped = cx.screen.drop_old_banner();
         let tour_changed = guide.on_tick(cx);
         let log_changed = cx.screen.log.on_tick();
-        let read = files::on_tick(cx);
+        let read = disk::on_tick(cx);
         let busy_changed = self.update_busy();
         read || log_changed || dropped || tour_changed || busy_changed
     }

@@ -58,7 +58,7 @@ const MAX_EVENTS_BEFORE: usize = 1000;
 
 /// Where interfaces are shown, one after the other: the terminal is set up for the first one and
 /// restored after the last, when the stage is dropped.
-pub struct Stage {
+pub struct TerminalStage {
     marker: Marker,
     termination: TerminationSignal,
     open: Option<(Terminal, Runtime)>,
@@ -66,7 +66,7 @@ pub struct Stage {
     summaries: String,
 }
 
-impl Stage {
+impl TerminalStage {
     /// A panic restores the terminal before it prints its message.
     pub fn new(marker: Marker, termination: TerminationSignal) -> Self {
         let before = std::panic::take_hook();
@@ -139,7 +139,7 @@ impl Stage {
     }
 }
 
-impl Drop for Stage {
+impl Drop for TerminalStage {
     fn drop(&mut self) {
         self.leave();
     }
@@ -241,7 +241,7 @@ impl FrameTimer {
 
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 struct Terminal {
-    inner: ratatui::Terminal<CrosstermBackend<Output>>,
+    inner: ratatui::Terminal<CrosstermBackend<FrameBytes>>,
     size: (u16, u16),
     input: InputStream,
     /// Another process's request to stop, a resumption and a new size: SIGTSTP, SIGCONT, SIGWINCH.
@@ -255,20 +255,20 @@ struct Terminal {
     patches: Option<Patches>,
     /// How long the latest pictures took to draw, and whether training ran, until they are written.
     pictures_sent: Option<(Duration, bool)>,
-    output: Output,
+    output: FrameBytes,
     /// Whether to set it up again once this program is in the foreground.
     is_given_back: bool,
 }
 
 /// What is drawn, until it is sent.
 #[derive(Clone, Default)]
-struct Output(Rc<RefCell<Vec<u8>>>);
+struct FrameBytes(Rc<RefCell<Vec<u8>>>);
 
 /// Saves and restores the position of the text cursor, which pictures must not move.
 const SAVE_CURSOR: &[u8] = b"\x1b7";
 const RESTORE_CURSOR: &[u8] = b"\x1b8";
 
-impl Write for Output {
+impl Write for FrameBytes {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         self.0.borrow_mut().extend(bytes);
         Ok(bytes.len())
@@ -284,7 +284,7 @@ impl Terminal {
     /// pointless.
     fn enter(marker: Marker) -> std::io::Result<Self> {
         let asks = graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
-        let output = Output::default();
+        let output = FrameBytes::default();
         let enter = || {
             // Before the terminal's modes change: the default action of a signal would stop the
             // program without restoring them.
@@ -436,7 +436,7 @@ impl Terminal {
         set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying
         // the terminal. What the old one would still write is discarded.
-        self.output = Output::default();
+        self.output = FrameBytes::default();
         self.inner = screen(&self.output)?;
         self.patches.iter_mut().for_each(Patches::forget);
         self.size = (0, 0);
@@ -455,7 +455,7 @@ impl Drop for Terminal {
 }
 
 /// Returns an empty screen, whose size is set before each frame.
-fn screen(output: &Output) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
+fn screen(output: &FrameBytes) -> std::io::Result<ratatui::Terminal<CrosstermBackend<FrameBytes>>> {
     let viewport = Viewport::Fixed(Rect::default());
     let backend = CrosstermBackend::new(output.clone());
     ratatui::Terminal::with_options(backend, TerminalOptions { viewport })

@@ -1,6 +1,7 @@
 //! Tests of the interface on a buffer instead of a terminal.
 
 mod actions;
+mod after_keys;
 mod arm;
 mod compare;
 mod dialogs;
@@ -8,12 +9,11 @@ mod found;
 mod goals;
 mod mouse;
 mod past;
-mod picture;
 mod pixels;
 mod saving;
+mod screen_text;
 pub(super) mod screens;
 mod staged;
-mod table;
 mod tour;
 
 use std::collections::BTreeMap;
@@ -36,7 +36,7 @@ use super::action::{Action, Binding, Mode, bindings};
 use super::app::{App, Base};
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::export::{ExportError, contents};
+use super::drawings::{ExportError, contents};
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::output::ExportKind;
@@ -44,12 +44,12 @@ use super::scene::{MazeState, Scene, SpaceState};
 use super::session::{Cx, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
 use super::tool::Tool;
-use gdg::engine::{Command, Engine, EngineLink, Phase, Snapshot};
+use gdg::engine::{Engine, EngineCommand, EngineLink, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
 use gdg::job::Job;
 use gdg::map::{Cell, Grid, parse_map};
 use gdg::train::{
-    self, Description, FilmFrame, Limits, Method, Preset, Registry, Run, SaveTo, Trainer,
+    self, FilmFrame, Limits, Method, Preset, Registry, Run, RunDescription, SaveTo, Trainer,
 };
 use gdg::viewer::{Field, Request, View, Viewer};
 
@@ -189,7 +189,7 @@ impl Session {
 /// An app without a trainer and a viewer: its messages stay in the channels.
 struct Still {
     app: App,
-    commands: Receiver<Command>,
+    commands: Receiver<EngineCommand>,
     requests: Receiver<Request>,
     snapshots: watch::Sender<Arc<Snapshot>>,
     _views: watch::Sender<Arc<View>>,
@@ -217,10 +217,10 @@ impl Still {
         while let Ok(command) = self.commands.try_recv() {
             let mut snapshot = (*self.app.screen.latest).clone();
             match command {
-                Command::Pause => snapshot.phase = Phase::Paused,
-                Command::Resume => snapshot.phase = Phase::Running,
-                Command::LimitSpeed(speed) => snapshot.speed = speed,
-                Command::Change(run) => snapshot.run = Arc::new(*run),
+                EngineCommand::Pause => snapshot.phase = Phase::Paused,
+                EngineCommand::Resume => snapshot.phase = Phase::Running,
+                EngineCommand::LimitSpeed(speed) => snapshot.speed = speed,
+                EngineCommand::Change(run) => snapshot.run = Arc::new(*run),
                 _ => {}
             }
             self.publish(snapshot);
@@ -262,7 +262,7 @@ fn keymap() -> Keymap {
 }
 
 /// Saves what `app` trains to a file in `folder` and describes it.
-fn saved_run(folder: &Path, app: &App) -> Description {
+fn saved_run(folder: &Path, app: &App) -> RunDescription {
     let run = Run { method: gdg(), ..app.screen.run().clone() };
     let world = PointMaze::new(app.maze().map.clone(), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");

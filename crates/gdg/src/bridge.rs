@@ -19,6 +19,6 @@ pub(crate) use excursion::{Excursion, Excursions};
 pub use graph::{BridgeGraph, Edge, EdgeStatus};
 pub(crate) use graph::{LINK_CANDIDATES, StoredGraph};
 pub(crate) use planner::Hop;
-pub use planner::{BridgePoint, Guide, SearchOutcome, SearchSpace, Target, Walker, search};
+pub use planner::{BridgePoint, Guide, SearchOutcome, SearchSpace, WalkTarget, Walker, search};
 pub use settings::{BridgeSettings, Planner, SEARCH_BUDGET};
 pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE};

@@ -21,11 +21,11 @@ use crate::env::EnvError;
 use crate::job::{Job, Running};
 use crate::text::grouped;
 use crate::train::{
-    Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Session, Tick,
-    TrainError, Trainer,
+    Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Tick, TrainError,
+    Trainer, TrainingLoop,
 };
-pub use command::{Command, MakeWorld};
-pub use snapshot::{Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
+pub use command::{EngineCommand, MakeWorld};
+pub use snapshot::{EngineNotice, Networks, NextEvaluation, Phase, Snapshot, Step};
 use snapshot::{PublishTimer, SNAPSHOT_INTERVAL};
 
 const EVALUATE_EVERY_UPDATES: u64 = 500;
@@ -59,7 +59,7 @@ const NICENESS: i32 = 10;
 /// A front end's connection to a running trainer: sends commands, receives snapshots.
 #[derive(Clone)]
 pub struct EngineLink {
-    commands: SyncSender<Command>,
+    commands: SyncSender<EngineCommand>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     job: Job,
 }
@@ -68,7 +68,7 @@ impl EngineLink {
     /// Links to an engine: sends it `commands`, follows its `snapshots`, and sees in `job` what it
     /// does.
     pub fn new(
-        commands: SyncSender<Command>,
+        commands: SyncSender<EngineCommand>,
         snapshots: watch::Receiver<Arc<Snapshot>>,
         job: Job,
     ) -> Self {
@@ -86,7 +86,7 @@ impl EngineLink {
 
     /// Queues a command, which runs before the next update. Drops it and returns `false` if the
     /// queue is full.
-    pub fn send(&self, command: Command) -> bool {
+    pub fn send(&self, command: EngineCommand) -> bool {
         self.commands.try_send(command).is_ok()
     }
 
@@ -111,7 +111,7 @@ impl Engine {
         mut trainer: Trainer,
         limits: Limits,
         file: Option<PathBuf>,
-        at_first: impl IntoIterator<Item = Command>,
+        at_first: impl IntoIterator<Item = EngineCommand>,
     ) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
         at_first.into_iter().for_each(|command| drop(commands.try_send(command)));
@@ -121,7 +121,7 @@ impl Engine {
         let saved_seconds = if saved.is_some() { trainer.seconds() } else { 0.0 };
         let first = Snapshot { limits, saved, saved_seconds, ..Snapshot::capture(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
-        let worker = Worker {
+        let worker = TrainingThread {
             trainer,
             session: session(),
             inbox,
@@ -183,10 +183,10 @@ struct RunningEvaluation {
     running: Running<Result<Option<Evaluation>, EnvError>>,
 }
 
-struct Worker {
+struct TrainingThread {
     trainer: Trainer,
-    session: Session,
-    inbox: Receiver<Command>,
+    session: TrainingLoop,
+    inbox: Receiver<EngineCommand>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
     evaluation: Option<RunningEvaluation>,
@@ -202,9 +202,9 @@ struct Worker {
     job: Job,
 }
 
-fn session() -> Session {
+fn session() -> TrainingLoop {
     let evaluate = EvaluateAt::EveryUpdates(EVALUATE_EVERY_UPDATES);
-    Session::new(Schedule { evaluate, ..Schedule::default() })
+    TrainingLoop::new(Schedule { evaluate, ..Schedule::default() })
 }
 
 /// Lowers the priority of this thread, and of those that it starts, to that of training: the front
@@ -216,7 +216,7 @@ pub fn lower_priority() {
     }
 }
 
-impl Worker {
+impl TrainingThread {
     fn run(mut self) -> Trainer {
         lower_priority();
         loop {
@@ -344,11 +344,11 @@ impl Worker {
 
     /// Runs a command. Of several changes of the world in a row, runs only the last: each replaces
     /// the whole world, which takes seconds on the largest maps.
-    fn execute_latest(&mut self, mut command: Command) {
-        while matches!(command, Command::ChangeWorld(..)) {
+    fn execute_latest(&mut self, mut command: EngineCommand) {
+        while matches!(command, EngineCommand::ChangeWorld(..)) {
             let Ok(next) = self.inbox.try_recv() else { break };
             let before = std::mem::replace(&mut command, next);
-            if !matches!(command, Command::ChangeWorld(..)) {
+            if !matches!(command, EngineCommand::ChangeWorld(..)) {
                 self.execute(before);
             }
         }
@@ -372,7 +372,7 @@ impl Worker {
 
     fn notify(&mut self, text: String) {
         self.current.notice =
-            Notice { number: self.current.notice.number + 1, text, is_error: false };
+            EngineNotice { number: self.current.notice.number + 1, text, is_error: false };
     }
 
     fn report(&mut self, text: String) {
@@ -381,7 +381,7 @@ impl Worker {
     }
 }
 
-impl Worker {
+impl TrainingThread {
     fn start_evaluation(&mut self) -> Result<bool, TrainError> {
         if self.evaluation.is_some() {
             return Ok(false);
@@ -437,7 +437,9 @@ impl Worker {
     }
 }
 
-fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
+fn as_try_recv(
+    command: Result<EngineCommand, RecvTimeoutError>,
+) -> Result<EngineCommand, TryRecvError> {
     command.map_err(|e| match e {
         RecvTimeoutError::Timeout => TryRecvError::Empty,
         RecvTimeoutError::Disconnected => TryRecvError::Disconnected,
@@ -452,14 +454,14 @@ mod tests {
     use super::*;
     use crate::env::Environment;
 
-    fn started(at_first: impl IntoIterator<Item = Command>) -> Engine {
+    fn started(at_first: impl IntoIterator<Item = EngineCommand>) -> Engine {
         let trainer = crate::train::small_run("gdg-bridge", 1);
         Engine::resume(trainer, Limits::default(), None, at_first).expect("a thread")
     }
 
     #[test]
     fn a_run_that_begins_paused_takes_no_step() {
-        let engine = started([Command::Pause]);
+        let engine = started([EngineCommand::Pause]);
         let mut snapshots = engine.snapshots();
         while snapshots.borrow_and_update().phase != Phase::Paused {
             std::thread::sleep(Duration::from_millis(1));
@@ -478,14 +480,14 @@ mod tests {
                 wait.iter().for_each(|release| release.recv().expect("a signal"));
                 world.fork(world.agents())
             };
-            Command::ChangeWorld(Box::new(make), "edited")
+            EngineCommand::ChangeWorld(Box::new(make), "edited")
         };
         let (release, wait) = channel();
-        assert!(engine.send(Command::Pause) && engine.send(edit(Some(wait))));
+        assert!(engine.send(EngineCommand::Pause) && engine.send(edit(Some(wait))));
         while made.load(Ordering::Relaxed) == 0 {
             std::thread::sleep(Duration::from_millis(1));
         }
-        let other = Command::LimitSpeed(None);
+        let other = EngineCommand::LimitSpeed(None);
         for command in [edit(None), edit(None), other, edit(None), edit(None), edit(None)] {
             assert!(engine.send(command));
         }
@@ -514,7 +516,7 @@ mod tests {
                     wait.recv_timeout(if moves { Duration::ZERO } else { Duration::from_mins(1) });
                 world.fork(world.agents())
             };
-            assert!(engine.send(Command::ChangeWorld(Box::new(make), "edited")));
+            assert!(engine.send(EngineCommand::ChangeWorld(Box::new(make), "edited")));
             begins.recv().expect("the edit begins");
             assert_eq!(engine.stop_unless_hung(limit).is_some(), moves);
             drop(release);

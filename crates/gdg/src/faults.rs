@@ -23,14 +23,14 @@ const MAX_FAILURES: usize = 100;
 /// Maximum number of characters of a panic message to show.
 const MAX_MESSAGE_CHARS: usize = 300;
 
-static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
+static FAILURES: Mutex<Vec<ThreadPanic>> = Mutex::new(Vec::new());
 
 /// Whether a front end shows the panics of other threads, so that they need not be printed.
 static SHOWN_BY_INTERFACE: AtomicBool = AtomicBool::new(false);
 
 /// A recorded panic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Failure {
+pub struct ThreadPanic {
     /// The thread's name.
     pub thread: String,
     /// The message and its location in the source.
@@ -46,7 +46,7 @@ pub fn install_panic_hook() {
         let text = truncated(info.payload_as_str().unwrap_or("no message"), MAX_MESSAGE_CHARS);
         let place = info.location().map(|at| format!(" ({}:{})", at.file(), at.line()));
         let message = sanitized(&(text + &place.unwrap_or_default()));
-        let failure = Failure { thread: name.to_owned(), message };
+        let failure = ThreadPanic { thread: name.to_owned(), message };
         log::error!("thread {name} panicked: {}", failure.message);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
             crate::printing::eprint_line(&format!(
@@ -70,7 +70,7 @@ pub fn show_in_interface(shown: bool) {
 }
 
 /// Returns and clears the failures recorded since the last call.
-pub fn take_failures() -> Vec<Failure> {
+pub fn take_failures() -> Vec<ThreadPanic> {
     std::mem::take(&mut FAILURES.lock())
 }
 

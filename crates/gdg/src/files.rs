@@ -8,7 +8,7 @@ use std::ffi::{OsStr, OsString};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-pub use kind::{Format, Mismatch, Wanted};
+pub use kind::{FileFormat, Mismatch, Wanted};
 pub use read::{FileFacts, open, open_or_create, read, read_text};
 pub use write::{
     LockFile, check_name, check_writable, is_in_use, mark_in_use, unused_path, while_locked,

@@ -1,4 +1,4 @@
-//! What takes long: what it is, how far it is, since when, and whether it is still wanted.
+//! A job that takes long: its name, its progress, when it began, and whether it has been cancelled.
 
 #![allow(missing_docs, reason = "documented where names and types do not say it")]
 
@@ -20,10 +20,10 @@ const NOTICE_EVERY: Duration = Duration::from_secs(2);
 
 /// Something that takes long, such as a run. Clones share it.
 #[derive(Clone, Debug)]
-pub struct Job(Arc<State>);
+pub struct Job(Arc<JobState>);
 
 #[derive(Debug)]
-struct State {
+struct JobState {
     what: Cow<'static, str>,
     since: Instant,
     /// The present stage and the number of stages; what is done of the stage, and all of it.
@@ -43,7 +43,7 @@ impl Default for Job {
 impl Job {
     /// Creates a job called `what`, as in "reading a.map", which begins now.
     pub fn new(what: impl Into<Cow<'static, str>>) -> Self {
-        Self(Arc::new(State {
+        Self(Arc::new(JobState {
             what: what.into(),
             since: Instant::now(),
             progress: Mutex::default(),
@@ -53,14 +53,14 @@ impl Job {
         }))
     }
 
-    pub fn part(&self, what: &'static str) -> Part {
+    pub fn part(&self, what: &'static str) -> JobPart {
         self.add(Self::new(what))
     }
 
-    pub fn add(&self, part: Self) -> Part {
+    pub fn add(&self, part: Self) -> JobPart {
         self.beat();
         self.0.parts.lock().push(part.clone());
-        Part { whole: self.clone(), part }
+        JobPart { whole: self.clone(), part }
     }
 
     /// Returns the part that was begun last, if any has not ended.
@@ -137,12 +137,12 @@ impl fmt::Display for Job {
 
 #[derive(Debug)]
 #[must_use]
-pub struct Part {
+pub struct JobPart {
     whole: Job,
     part: Job,
 }
 
-impl Deref for Part {
+impl Deref for JobPart {
     type Target = Job;
 
     fn deref(&self) -> &Job {
@@ -150,7 +150,7 @@ impl Deref for Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for JobPart {
     fn drop(&mut self) {
         let own = |job: &Job| Arc::ptr_eq(&job.0, &self.part.0);
         let mut parts = self.whole.0.parts.lock();

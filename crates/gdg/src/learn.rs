@@ -25,17 +25,19 @@ pub use data::goal_index::GoalIndex;
 pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, Relearning};
 pub(crate) use data::known::{NEAR_STEPS, WAYPOINT_STEPS};
 pub(crate) use data::replay::ReplaySizes;
-pub use data::replay::{Moment, Replay};
+pub use data::replay::{Replay, StoredStep};
 pub use error::LearnError;
 pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, Learner, LearnerKind, TrainingData};
 pub use network_learner::{GDG, NetworkLearner};
 use network_learner::{VARIANTS, kind};
-pub use networks::export::{ActorExport, ActorInputs, CriticOutputs, CriticsExport, NamedTensor};
+pub use networks::named_arrays::{
+    ActorExport, ActorInputs, CriticOutputs, CriticsExport, NamedTensor,
+};
 pub use networks::policy::{Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;
 pub use settings::{LearnSettings, LossScale};
-pub use update::report::{Losses, Profile, Stage};
+pub use update::profile::{Losses, Profile, TrainingPhase};
 pub use update::threads::Threads;
 
 /// The built-in learners.

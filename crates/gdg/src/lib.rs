@@ -34,7 +34,7 @@
 //! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge
 //!   graph, following plans through it, the published search.
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, and
-//!   [`train::Session`] says what is due in between; evaluation, settings, checkpoints.
+//!   [`train::TrainingLoop`] says what is due in between; evaluation, settings, checkpoints.
 //!   [`train::Registry`] lists worlds and learners.
 //! * [`engine`]: [`engine::Engine`] runs a trainer on its own thread: commands in, snapshots out.
 //! * [`draw`]: colours, contours and pictures. [`viewer`]: what a screen shows of a run, computed

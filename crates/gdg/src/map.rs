@@ -13,7 +13,7 @@ mod points;
 mod random;
 mod scale;
 mod scenario;
-mod text;
+mod text_file;
 
 pub use components::Components;
 pub use flood::{StepSearch, UNREACHABLE};
@@ -27,4 +27,4 @@ pub use ogbench::Ogbench;
 pub use points::{Diameter, PointSearch};
 pub use random::{RANDOM_SIZES, RandomMapKind, random, with_start};
 pub use scenario::{Scenario, ScenarioTask};
-pub use text::{MapError, MapResult};
+pub use text_file::{MapError, MapResult};

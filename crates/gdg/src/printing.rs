@@ -38,11 +38,13 @@ const IDLE_AT_END: Duration = Duration::from_millis(300);
 static HURRIES: AtomicBool = AtomicBool::new(false);
 
 // Written without the locks of the standard library, which a blocked writer would hold.
-static STDOUT: Stream = Stream::new("output", |bytes| Ok(nix::unistd::write(io::stdout(), bytes)?));
-static STDERR: Stream = Stream::new("errors", |bytes| Ok(nix::unistd::write(io::stderr(), bytes)?));
+static STDOUT: OutputStream =
+    OutputStream::new("output", |bytes| Ok(nix::unistd::write(io::stdout(), bytes)?));
+static STDERR: OutputStream =
+    OutputStream::new("errors", |bytes| Ok(nix::unistd::write(io::stderr(), bytes)?));
 
 /// Bytes on their way to a reader.
-pub struct Stream {
+pub struct OutputStream {
     /// Name of the thread that writes.
     name: &'static str,
     /// Writes some of the bytes, which may block.
@@ -77,7 +79,7 @@ impl Queue {
     }
 }
 
-impl Stream {
+impl OutputStream {
     const fn new(name: &'static str, write: fn(&[u8]) -> io::Result<usize>) -> Self {
         let queue = Queue {
             bytes: Vec::new(),
@@ -216,12 +218,12 @@ impl Stream {
 }
 
 /// Returns standard output.
-pub fn stdout() -> &'static Stream {
+pub fn stdout() -> &'static OutputStream {
     &STDOUT
 }
 
 /// Returns standard error.
-pub fn stderr() -> &'static Stream {
+pub fn stderr() -> &'static OutputStream {
     &STDERR
 }
 
@@ -254,7 +256,8 @@ fn hurries() -> bool {
     HURRIES.load(Ordering::Relaxed)
 }
 
-/// Waits at the end of the program until everything is written (see [`Stream::flush`]); errors have
+/// Waits at the end of the program until everything is written (see [`OutputStream::flush`]);
+/// errors have
 /// been reported, or cannot be.
 pub fn finish() {
     let _ = STDOUT.flush();
@@ -271,7 +274,7 @@ mod tests {
     #[test]
     fn a_reader_that_stops_gets_everything_in_order_later_and_errors_are_reported_once() {
         // A reader that takes a few bytes at a time, and none while the gate is closed.
-        static STREAM: Stream = Stream::new("test", |bytes| {
+        static STREAM: OutputStream = OutputStream::new("test", |bytes| {
             let _open = GATE.lock();
             let n = bytes.len().min(3);
             READ.lock().extend_from_slice(&bytes[..n]);

@@ -93,19 +93,19 @@ pub struct Setting {
     pub values: Values,
     pub effect: Effect,
     /// The experiment that does without it.
-    pub ablation: Option<Ablation>,
+    pub ablation: Option<SettingAblation>,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct Ablation {
+pub struct SettingAblation {
     pub name: &'static str,
     /// The setting's value, as typed.
     pub value: &'static str,
 }
 
 #[expect(clippy::unnecessary_wraps, reason = "as the entry's field takes it")]
-pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<Ablation> {
-    Some(Ablation { name, value })
+pub(crate) const fn without(name: &'static str, value: &'static str) -> Option<SettingAblation> {
+    Some(SettingAblation { name, value })
 }
 
 impl Setting {

@@ -3,7 +3,6 @@
 #![allow(missing_docs, reason = "documented where names and types do not say it")]
 
 mod checkpoint;
-mod config;
 mod dataset;
 mod evaluate;
 mod film;
@@ -15,9 +14,10 @@ mod registry;
 mod rollout;
 mod run;
 mod score;
-mod session;
 mod settings;
+mod settings_file;
 mod trainer;
+mod training_loop;
 mod visits;
 
 use crate::env::EnvError;
@@ -25,12 +25,8 @@ use crate::learn::LearnError;
 pub use crate::settings::{Effect, Preset, Setting};
 use crate::store::StoreError;
 pub use checkpoint::{
-    CheckpointError, Description, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
+    CheckpointError, RunDescription, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
     load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
-};
-pub use config::{
-    ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
-    settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use dataset::{DataSource, Dataset, data_file};
 pub use evaluate::{EvaluationJob, TaskWalk};
@@ -42,11 +38,16 @@ pub use registry::{METHODS, Method, NamedMethod, Registry};
 pub(crate) use run::tests::small_run;
 pub use run::{Counters, EndReason, Limits, Pace, Run, Tick};
 pub use score::{
-    BridgeFacts, DistanceError, DistanceScore, Evaluation, MarkedTask, Score, Success, TaskOutcome,
+    BridgeFacts, DistanceError, DistanceScore, Evaluation, MarkedTask, Score, SuccessSummary,
+    TaskOutcome,
 };
-pub use session::{Due, EvaluateAt, Schedule, Session};
 pub use settings::{SETTINGS, Settings, TrainSettings};
+pub use settings_file::{
+    ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
+    settings_from, settings_from_text, settings_in_world, with_setting,
+};
 pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
+pub use training_loop::{Due, EvaluateAt, Schedule, TrainingLoop};
 
 impl From<candle_core::Error> for TrainError {
     fn from(error: candle_core::Error) -> Self {

@@ -1,12 +1,13 @@
 //! What the screen shows of a run, computed from copies of the networks on a separate thread:
-//! distance fields, the bridge graph, the planned path, and an agent walking to the goal. `worker`
-//! computes it; `pilot` is how the agent finds its way, `maze` what only worlds with a map have, and
-//! `film` D of the past.
+//! distance fields, the bridge graph, the planned path, and an agent walking to the goal.
+//!
+//! `viewer_worker` computes it; `pilot` leads the agent, `cells` has the facts about maps, and
+//! `interpolation` gives D of the past.
 
-mod film;
-mod maze;
+mod cells;
+mod interpolation;
 mod pilot;
-mod worker;
+mod viewer_worker;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -20,10 +21,10 @@ use crate::env::WorldScene;
 use crate::env::fetch_reach::Pose;
 use crate::map::Cell;
 use crate::train::FilmFrame;
-pub use film::FilmedMap;
-pub use maze::{CellInfo, Exploration, Knowledge, cell_of_goal, way_along};
+pub use cells::{CellInfo, Exploration, Knowledge, cell_of_goal, way_along};
+pub use interpolation::FilmedMap;
 pub use pilot::{Candidate, Graph, OnArrival, Reach};
-use worker::Worker;
+use viewer_worker::ViewerWorker;
 
 /// Time between two steps of the walking agent.
 const STEP_INTERVAL: Duration = Duration::from_millis(75);
@@ -182,7 +183,7 @@ fn run(
     publish: &watch::Sender<Arc<View>>,
 ) {
     let latest = || snapshots.borrow().clone();
-    let mut worker = Worker::new(&latest());
+    let mut worker = ViewerWorker::new(&latest());
     let mut stepped = Instant::now();
     loop {
         crate::faults::point("viewer");

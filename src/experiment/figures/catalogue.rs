@@ -1,10 +1,10 @@
-//! The figures: what each shows, of which methods, and how long they train.
+//! The figures: the chart of each, its methods, and how long they train.
 
 use std::path::Path;
 
 use miette::{Report, miette};
 
-use crate::experiment::plan::{JobData, Length, Plan};
+use crate::experiment::plan::{JobData, Length, TrainingPlan};
 use gdg::bridge::Planner;
 use gdg::draw::Rgb;
 use gdg::job::Job;
@@ -284,23 +284,26 @@ const fn of(name: &'static str, title: &'static str, world: &'static str, shows:
 impl Figure {
     /// Returns what a job of `method` does under `budget`. Figures on the same map have the same
     /// plans and share jobs.
-    pub fn plan(&self, budget: Budget, method: &str) -> Plan {
+    pub fn plan(&self, budget: Budget, method: &str) -> TrainingPlan {
         match self.world {
             "ogbench" => {
                 let updates = if budget == Budget::Quick { 5_000 } else { 10_000 };
-                Plan { last_tasks: 50, ..Plan::new(Length::Updates(updates), updates / 1_000, 10) }
+                TrainingPlan {
+                    last_tasks: 50,
+                    ..TrainingPlan::new(Length::Updates(updates), updates / 1_000, 10)
+                }
             }
             // Evaluations, every 40 environment steps, come after whole steps of all agents. The
             // paper gives no number of steps; its budget shows that what was learned stays.
             "fetch-reach" => {
                 let steps = if budget == Budget::Quick { 3_000 } else { 10_000 };
-                Plan::new(Length::Steps(steps), steps / 40, 20)
+                TrainingPlan::new(Length::Steps(steps), steps / 40, 20)
             }
             _ => self.maze_plan(budget, method),
         }
     }
 
-    fn maze_plan(&self, budget: Budget, method: &str) -> Plan {
+    fn maze_plan(&self, budget: Budget, method: &str) -> TrainingPlan {
         let is_ours = ["default", "default-gdg"].contains(&method);
         // Updates, how many times as many for the paper's methods, and the paper's episodes.
         let (updates, times, episodes) = match self.world {
@@ -325,17 +328,22 @@ impl Figure {
         // The paper tests every 20,000 episodes.
         let evaluations =
             if let Length::Episodes(episodes) = length { episodes / 20_000 } else { 10 };
-        let plan = Plan { max_steps: Some(MAX_STEPS), ..Plan::new(length, evaluations, 10) };
+        let plan = TrainingPlan {
+            max_steps: Some(MAX_STEPS),
+            ..TrainingPlan::new(length, evaluations, 10)
+        };
         match self.world {
-            "city" => Plan {
+            "city" => TrainingPlan {
                 last_tasks: 100,
                 random_tasks: Some(RANDOM_TASKS),
                 walks: PATH_DISTANCES.to_vec(),
                 ..plan
             },
             // One walk a time takes little, and it differs from one evaluation to the next.
-            ONE_GOAL_MAP => Plan { evaluations: 5 * plan.evaluations, eval_tasks: 1, ..plan },
-            _ => Plan { bridge: true, ..plan },
+            ONE_GOAL_MAP => {
+                TrainingPlan { evaluations: 5 * plan.evaluations, eval_tasks: 1, ..plan }
+            }
+            _ => TrainingPlan { bridge: true, ..plan },
         }
     }
 
@@ -358,13 +366,13 @@ impl Figure {
 }
 
 /// Success in per cent, in the order of [`PUBLISHED_METHODS`]; `None` where there is no number.
-type Success = [Option<u8>; PUBLISHED_METHODS.len()];
+type PublishedSuccess = [Option<u8>; PUBLISHED_METHODS.len()];
 
 /// Methods with published results: the first four as measured by Park et al. (OGBench,
 /// arXiv:2410.20092), the others by their authors (arXiv:2510.07257, arXiv:2602.05031).
 pub const PUBLISHED_METHODS: [&str; 6] = ["GCIVL", "QRL", "CRL", "HIQL", "GCIQL + TTGS", "ALPS"];
 
-const PUBLISHED: [(&str, Success); 8] = [
+const PUBLISHED: [(&str, PublishedSuccess); 8] = [
     published("medium-navigate", [63, 82, 29, 79], Some(91), None),
     published("large-navigate", [45, 86, 39, 58], Some(88), None),
     published("giant-navigate", [0, 68, 27, 46], Some(92), Some(67)),
@@ -380,11 +388,11 @@ const fn published(
     [gcivl, qrl, crl, hiql]: [u8; 4],
     ttgs: Option<u8>,
     alps: Option<u8>,
-) -> (&'static str, Success) {
+) -> (&'static str, PublishedSuccess) {
     (dataset, [Some(gcivl), Some(qrl), Some(crl), Some(hiql), ttgs, alps])
 }
 
-pub fn published_on(dataset: &str) -> Option<Success> {
+pub fn published_on(dataset: &str) -> Option<PublishedSuccess> {
     PUBLISHED.iter().find(|(name, _)| *name == dataset).map(|(_, success)| *success)
 }
 
@@ -444,7 +452,7 @@ mod tests {
             let [.., fig3, fig4, fig5, fig6, _] = FIGURES;
             let plan = |figure: Figure| figure.plan(budget, "gdg");
             assert!(plan(fig3) == plan(fig4) && plan(fig4) == plan(fig5));
-            let plans: Vec<Plan> =
+            let plans: Vec<TrainingPlan> =
                 fig6.paper.iter().map(|(name, _)| fig6.plan(budget, name)).collect();
             assert!(plans.len() == 4 && plans.iter().all(|plan| *plan == plans[0]), "{budget:?}");
         }

@@ -7,11 +7,13 @@ use miette::Report;
 use super::MethodRuns;
 use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
-use crate::experiment::measure::{Bridge, RandomTasks, Walked, draw_walk, field};
-use crate::experiment::plot::{Axis, Line, Points, csv_of, table};
+use crate::experiment::measure::{MeasuredBridge, RandomTasks, Walked, draw_walk, field};
+use crate::experiment::plot::{Axis, Points, SeedCurves, csv_of, table};
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
-use crate::figure::{Anchor, Chart, Format, MILLIMETRE, Mark, Page, Sheet, fitted, round_top};
+use crate::figure::{
+    Anchor, Chart, ChartPage, FigureFormat, MILLIMETRE, Mark, Sheet, fitted, round_top,
+};
 use gdg::draw::{Picture, Raster, Rgb, WALL};
 use gdg::map::{Cell, Grid, builtin};
 use gdg::text::counted;
@@ -33,14 +35,14 @@ fn walks_csv(methods: &[MethodRuns]) -> Result<Vec<u8>, Report> {
     csv_of(&["method", "seed", "distance", "reached", "step", "x", "y"], lines)
 }
 
-struct Panel {
+struct FigurePanel {
     labels: [&'static str; 2],
     /// Upper end of the vertical axis, if it is fixed.
     top: Option<f64>,
-    lines: Vec<Line>,
+    lines: Vec<SeedCurves>,
 }
 
-impl Panel {
+impl FigurePanel {
     fn chart(&self) -> Chart {
         let points = || self.lines.iter().flat_map(|line| line.seeds.values().flatten());
         let x = [0.0, points().map(|point| point.0).fold(1.0, f64::max)];
@@ -54,23 +56,23 @@ impl Panel {
     }
 }
 
-fn last(line: &Line) -> Vec<f64> {
+fn last(line: &SeedCurves) -> Vec<f64> {
     line.seeds.values().filter_map(|points| Some(points.last()?.1)).collect()
 }
 
 /// Returns the charts of a figure, if it shows curves. Methods are compared over what they were
 /// allowed to experience, or, where that is the same recorded data, over updates.
-fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<Panel> {
+fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<FigurePanel> {
     let over = if figure.shows == Shows::Datasets { Axis::Updates } else { Axis::Steps };
     let panel = |chart: &str, labels, top, points: &dyn Fn(&JobResult) -> Points| {
-        let line = |(marker, method): (usize, &MethodRuns)| Line {
+        let line = |(marker, method): (usize, &MethodRuns)| SeedCurves {
             chart: chart.to_owned(),
             name: method.entry.title.to_owned(),
             colour: method.entry.colour,
             marker,
             seeds: method.results.iter().map(|result| (result.seed, points(result))).collect(),
         };
-        Panel { labels, top, lines: methods.iter().enumerate().map(line).collect() }
+        FigurePanel { labels, top, lines: methods.iter().enumerate().map(line).collect() }
     };
     let training = |chart, label, top, of: fn(&Evaluation) -> Option<f64>| {
         let points = |result: &JobResult| -> Points {
@@ -165,8 +167,8 @@ fn walk_caption(walk: &Walked) -> String {
 
 /// Returns the four panels of Figure 2: D(s,.), D(.,g), their sum with the bridge point, and the
 /// plan with the walk.
-fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
-    let Bridge { direct, found, searches, tried, from_start, to_goal, walk } = bridge;
+fn bridge_row(map: &Grid, title: &str, bridge: &MeasuredBridge) -> Vec<MapPanel> {
+    let MeasuredBridge { direct, found, searches, tried, from_start, to_goal, walk } = bridge;
     let sum = from_start.iter().zip(to_goal).map(|(from, to)| Some((*from)? + (*to)?));
     let sum: Vec<Option<f32>> = sum.collect();
     let (raster, point) = (raster(map), found.map(|found| found.point));
@@ -217,7 +219,7 @@ fn path_panel(map: &Grid, title: &str, walk: &Walked) -> MapPanel {
 fn draw(title: &str, charts: &[Chart], maps: &[Vec<MapPanel>]) -> Sheet {
     let columns = charts.len().max(1);
     let width = if maps.is_empty() && columns == 1 { CHART } else { PAGE };
-    let mut sheet = Page { title, has_heading: true, charts, width, columns }.draw();
+    let mut sheet = ChartPage { title, has_heading: true, charts, width, columns }.draw();
     let columns = maps.iter().map(Vec::len).max().unwrap_or(0) as f32;
     let room = (sheet.size[0] - MARGIN) / columns.max(1.0) - MARGIN;
     let widest = maps.iter().flatten().map(|panel| panel.picture.size().0).max().unwrap_or(1);
@@ -294,15 +296,15 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
 pub fn section(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Result<String, Report> {
     let (name, title) = (figure.name, figure.title);
     let (panels, maps) = (panels(figure, methods), rows(figure, methods));
-    let csv = if let [Panel { labels, .. }, ..] = &panels[..] {
+    let csv = if let [FigurePanel { labels, .. }, ..] = &panels[..] {
         let lines = panels.iter().flat_map(|panel| &panel.lines);
         table(lines, [labels[0], "value"], [0.0, f64::INFINITY])?
     } else {
         walks_csv(methods)?
     };
     folder.write(&format!("data/{name}.csv"), &csv)?;
-    let sheet = draw(title, &panels.iter().map(Panel::chart).collect::<Vec<_>>(), &maps);
-    for format in [Format::Svg, Format::Png] {
+    let sheet = draw(title, &panels.iter().map(FigurePanel::chart).collect::<Vec<_>>(), &maps);
+    for format in [FigureFormat::Svg, FigureFormat::Png] {
         let file = format!("figures/{name}.{}", format.extension());
         folder.write(&file, &format.encode(&sheet)?)?;
     }
@@ -341,9 +343,9 @@ fn run(method: &MethodRuns) -> String {
 }
 
 /// What a column shows of a method, given its line in the first chart.
-type Show = fn(&MethodRuns, &Line) -> String;
+type MethodCell = fn(&MethodRuns, &SeedCurves) -> String;
 
-fn columns(figure: &Figure) -> &'static [(&'static str, Show)] {
+fn columns(figure: &Figure) -> &'static [(&'static str, MethodCell)] {
     match figure.shows {
         Shows::DistanceLeft => {
             &[("reached at the end", reached_at_the_end), ("environment steps", steps)]
@@ -361,7 +363,7 @@ fn columns(figure: &Figure) -> &'static [(&'static str, Show)] {
 }
 
 /// Returns the last values of a figure, beside the published ones.
-fn last_values(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> String {
+fn last_values(figure: &Figure, methods: &[MethodRuns], panels: &[FigurePanel]) -> String {
     let columns = columns(figure);
     let is_ogbench = figure.shows == Shows::Datasets;
     let about = match figure.shows {
@@ -407,7 +409,7 @@ fn last_values(figure: &Figure, methods: &[MethodRuns], panels: &[Panel]) -> Str
     format!("{about}\n\n{}", markdown_table(&alignment, &rows))
 }
 
-fn steps(method: &MethodRuns, _: &Line) -> String {
+fn steps(method: &MethodRuns, _: &SeedCurves) -> String {
     let last = method.results.iter().filter_map(|result| result.evaluations.last());
     last.map(|at| at.env_steps).max().unwrap_or(0).to_string()
 }
@@ -418,7 +420,7 @@ fn random(method: &MethodRuns, of: fn(&RandomTasks) -> f64) -> String {
     numbers(&values.collect::<Vec<f64>>(), 3)
 }
 
-fn reached_at_the_end(_: &MethodRuns, line: &Line) -> String {
+fn reached_at_the_end(_: &MethodRuns, line: &SeedCurves) -> String {
     let left = last(line);
     let reached = left.iter().filter(|left| **left == 0.0).count();
     format!("{reached} of {}", counted(left.len() as u64, "seed"))

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use miette::{Report, miette};
 
-use super::{By, Measure, Options, csv_of};
-use crate::experiment::runs::SavedRun;
+use super::{By, Measure, PlotOptions, csv_of};
+use crate::experiment::saved_runs::SavedRun;
 use crate::experiment::spec::told_apart;
 use crate::figure::{Chart, Curve, Point, colour, round_top};
 use gdg::draw::Rgb;
@@ -87,7 +87,7 @@ impl Grouping {
 pub type Points = Vec<(f64, f64)>;
 
 /// A curve: the points of each seed.
-pub struct Line {
+pub struct SeedCurves {
     pub chart: String,
     pub name: String,
     pub colour: Rgb,
@@ -96,7 +96,7 @@ pub struct Line {
     pub seeds: BTreeMap<u64, Points>,
 }
 
-impl Line {
+impl SeedCurves {
     pub fn curve(&self, x: [f64; 2]) -> Curve {
         let points = mean(&self.seeds, x);
         Curve { name: self.name.clone(), colour: self.colour, marker: self.marker, points }
@@ -104,7 +104,7 @@ impl Line {
 }
 
 /// Returns the charts of lines, in the order in which they first appear.
-pub fn charts(lines: &[Line], options: &Options, x: [f64; 2]) -> Vec<Chart> {
+pub fn charts(lines: &[SeedCurves], options: &PlotOptions, x: [f64; 2]) -> Vec<Chart> {
     let mut charts: Vec<Chart> = Vec::new();
     for line in lines {
         let curve = line.curve(x);
@@ -131,10 +131,10 @@ pub fn charts(lines: &[Line], options: &Options, x: [f64; 2]) -> Vec<Chart> {
 pub fn lines(
     runs: &[SavedRun],
     grouping: &Grouping,
-    options: &Options,
+    options: &PlotOptions,
     notes: &mut Vec<String>,
-) -> Result<Vec<Line>, Report> {
-    let (mut lines, mut names) = (Vec::<Line>::new(), Vec::<String>::new());
+) -> Result<Vec<SeedCurves>, Report> {
+    let (mut lines, mut names) = (Vec::<SeedCurves>::new(), Vec::<String>::new());
     for (i, run) in of_seeds(runs, grouping, notes) {
         let (chart, name) = grouping.names(i);
         let points = run.evaluations.iter();
@@ -156,7 +156,7 @@ pub fn lines(
             names.len() - 1
         });
         let seeds = BTreeMap::from([(run.seed, points)]);
-        lines.push(Line { chart, name, colour: colour(marker), marker, seeds });
+        lines.push(SeedCurves { chart, name, colour: colour(marker), marker, seeds });
     }
     if lines.is_empty() {
         let help = "--y success, greedy, error or coverage";
@@ -230,7 +230,7 @@ fn interpolated(points: &Points, x: f64) -> Option<f64> {
 
 /// Returns the table behind charts, whose axes have these names: every seed's values, and the means.
 pub fn table<'a>(
-    lines: impl IntoIterator<Item = &'a Line>,
+    lines: impl IntoIterator<Item = &'a SeedCurves>,
     axes: [&str; 2],
     x: [f64; 2],
 ) -> Result<Vec<u8>, Report> {

@@ -8,7 +8,7 @@ use crate::tui::layers::Overlay;
 use crate::tui::lists;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
-use crate::tui::session::{Session, files, runs, saving, time, view};
+use crate::tui::session::{Session, change_run, disk, saving, time, view};
 
 use crate::tui::tool::Tool;
 use gdg::engine::Step;
@@ -162,7 +162,7 @@ const TRAINING: &[Binding] = &[
     bind(A::Evaluate, "evaluate", &["y"], |s, _| time::evaluate(s))
         .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
-    watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| runs::ask_to_restart(s))
+    watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| change_run::ask_to_restart(s))
         .about("restart with another seed", "reset again scratch random number new run start over"),
     watch(A::Settings, "settings", &["o"], |s, _| s.open(lists::settings(&s.screen)))
         .about("change a setting during training", "options preferences parameters"),
@@ -311,7 +311,7 @@ const MAP_EDITOR: &[Binding] = &[
     scene(A::SaveMap, "save-map", &["ctrl-w"])
         .about("write the map to a file", "save export store world")
         .first(),
-    bind(A::OpenMap, "open-map", &["shift-o"], |s, _| files::pick_map(s, None))
+    bind(A::OpenMap, "open-map", &["shift-o"], |s, _| disk::pick_map(s, None))
         .about("open another map", "load file choose switch world random empty new arm"),
 ];
 
@@ -321,7 +321,7 @@ const FILES: &[Binding] = &[
         .short("save"),
     bind(A::SaveAs, "save-as", &[], |s, _| saving::ask_file(s))
         .about("save a checkpoint under a name", "store write copy rename"),
-    watch(A::Load, "load", &["shift-l"], |s, _| files::pick_checkpoint(s))
+    watch(A::Load, "load", &["shift-l"], |s, _| disk::pick_checkpoint(s))
         .about("load a checkpoint", "open restore read resume run model weights"),
     watch(A::Export, "export", &["shift-e"], |s, _| {
         s.open(lists::exports(&ExportKind::ALL, s.scene.noun()));

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
-use super::{Graphics, Picture, Redraw, encode};
+use super::{Graphics, Redraw, TerminalPicture, encode};
 
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
@@ -81,14 +81,14 @@ impl Patches {
     /// Returns the bytes that show `pictures` where `screen` reserves places for them.
     pub fn update(
         &mut self,
-        pictures: &[&Picture],
+        pictures: &[&TerminalPicture],
         screen: &Buffer,
         graphics: Graphics,
     ) -> std::io::Result<Vec<u8>> {
         let mut out = Vec::new();
         let is_resting = self.is_resting();
         let mut before = std::mem::take(&mut self.shown);
-        let wanted: Vec<(Rect, &Picture)> = pictures
+        let wanted: Vec<(Rect, &TerminalPicture)> = pictures
             .iter()
             .flat_map(|picture| cut(picture, screen).into_iter().map(move |area| (area, *picture)))
             .collect();
@@ -134,7 +134,7 @@ fn is_ahead(moment: Option<Instant>) -> bool {
 }
 
 /// Cuts a picture into patches: a grid, with holes where text is.
-fn cut(picture: &Picture, screen: &Buffer) -> Vec<Rect> {
+fn cut(picture: &TerminalPicture, screen: &Buffer) -> Vec<Rect> {
     let area = picture.area.intersection(screen.area);
     let (width, height) = PATCH;
     let starts = |from: u16, to: u16, step: u16| (from..to).step_by(usize::from(step));
@@ -149,7 +149,7 @@ fn cut(picture: &Picture, screen: &Buffer) -> Vec<Rect> {
 
 /// Adds the parts of `area` without text: all of it, or what each row has of them.
 fn free_parts(area: Rect, screen: &Buffer, parts: &mut Vec<Rect>) {
-    let is_free = |at: Position| Picture::owns(&screen[at]);
+    let is_free = |at: Position| TerminalPicture::owns(&screen[at]);
     if area.positions().all(is_free) {
         return parts.push(area);
     }
@@ -161,7 +161,7 @@ fn free_parts(area: Rect, screen: &Buffer, parts: &mut Vec<Rect>) {
 }
 
 /// Returns the rows of a picture in the place of the characters of `area`, three bytes a pixel.
-fn rows(picture: &Picture, area: Rect, graphics: Graphics) -> impl Iterator<Item = &[u8]> {
+fn rows(picture: &TerminalPicture, area: Rect, graphics: Graphics) -> impl Iterator<Item = &[u8]> {
     let (across, down) = (usize::from(graphics.character.0), usize::from(graphics.character.1));
     let [left, top] = [area.x - picture.area.x, area.y - picture.area.y].map(usize::from);
     let (width, height) = (usize::from(area.width) * across, usize::from(area.height) * down);
@@ -181,14 +181,14 @@ mod tests {
     const SCREEN: Rect = Rect::new(0, 0, 60, 30);
     const AREA: Rect = Rect::new(2, 1, 40, 20);
 
-    fn picture(area: Rect, (across, down): (u16, u16)) -> Picture {
+    fn picture(area: Rect, (across, down): (u16, u16)) -> TerminalPicture {
         let (columns, rows) = (usize::from(area.width * across), usize::from(area.height * down));
-        Picture { area, columns, pixels: vec![[0; 3]; columns * rows] }
+        TerminalPicture { area, columns, pixels: vec![[0; 3]; columns * rows] }
     }
 
-    fn screen(pictures: &[&Picture]) -> Buffer {
+    fn screen(pictures: &[&TerminalPicture]) -> Buffer {
         let mut screen = Buffer::empty(SCREEN);
-        pictures.iter().for_each(|picture| Picture::reserve(picture.area, &mut screen));
+        pictures.iter().for_each(|picture| TerminalPicture::reserve(picture.area, &mut screen));
         screen
     }
 
@@ -200,7 +200,7 @@ mod tests {
         SCREEN.positions().map(of).collect()
     }
 
-    fn sent(patches: &mut Patches, pictures: &[&Picture], screen: &Buffer) -> String {
+    fn sent(patches: &mut Patches, pictures: &[&TerminalPicture], screen: &Buffer) -> String {
         String::from_utf8(patches.update(pictures, screen, KITTY).expect("encoded")).expect("text")
     }
 

@@ -7,8 +7,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::Page;
-use super::chart::{self, PaneCurve};
+use super::ScreenPainter;
+use super::pane_chart::{self, ChartLine, PaneCurve};
 use crate::experiment::plot::Axis;
 use crate::tui::layout::ChartArea;
 use crate::tui::screen::Screen;
@@ -45,8 +45,8 @@ struct Plot {
     log: bool,
 }
 
-pub fn draw(page: &mut Page, area: Rect) {
-    let Page { frame, screen, scene, layout } = page;
+pub fn draw(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
     let mut plots = plots(screen, scene.has_true_distances());
     let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
     let rows =
@@ -64,7 +64,7 @@ pub fn draw(page: &mut Page, area: Rect) {
 }
 
 fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
-    type Value<'a> = &'a dyn Fn(&Evaluation) -> Option<f64>;
+    type Quantity<'a> = &'a dyn Fn(&Evaluation) -> Option<f64>;
     let (snapshot, theme) = (&screen.snapshot, &screen.theme);
     let curve = |name: &str, i: usize, points| {
         let (style, marker) = (colour(theme, i), marker(theme, i));
@@ -72,7 +72,7 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     };
     // One part for each method. A former method that does not learn would only leave a dot.
     let stretches = snapshot.methods.stretches();
-    let of = |name: &str, i: usize, value: Value| -> Vec<PaneCurve> {
+    let of = |name: &str, i: usize, value: Quantity| -> Vec<PaneCurve> {
         let mut parts = vec![Vec::new(); stretches.len().max(1)];
         for (at, e) in snapshot.evaluations.iter() {
             let own = snapshot.methods.index(*at);
@@ -160,7 +160,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
         names.extend(of_marks.iter().map(|name| Span::styled(format!("  {MARK} {name}"), DIM)));
     }
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let heading = chart::heading(&Span::styled(title, BOLD), names.into_iter(), area.width);
+    let heading = pane_chart::heading(&Span::styled(title, BOLD), names.into_iter(), area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
             .areas(area);
@@ -178,7 +178,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
     let uprights: Vec<[(f64, f64); 2]> = marks.iter().map(|(at, _)| upright(*at)).collect();
     let past = screen.past.as_ref().map(|frame| along(screen, frame.updates));
     let past = past.filter(|at| is_within(*at, x)).map(upright);
-    let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
+    let line = |style, points| ChartLine { style, marker: Marker::Braille, points };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
     let cursor = BOLD.fg(screen.theme.colour(screen.theme.cursor));
@@ -191,8 +191,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
         y => format!("{y:.2}"),
     };
     let y = [low, high];
-    let axes = chart::Axes { x, over: axis(screen), y, y_labels: y.map(label) };
-    let area = chart::draw(frame, body, axes, lines);
+    let axes = pane_chart::Axes { x, over: axis(screen), y, y_labels: y.map(label) };
+    let area = pane_chart::draw(frame, body, axes, lines);
     Some(ChartArea { area, bounds: x })
 }
 

@@ -8,11 +8,11 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
 use super::{middle, without_slivers};
-use crate::tui::dialog::{Item, Picker, Prompt, Row};
+use crate::tui::dialog::{Item, Picker, PickerRow, Prompt};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{first_lines, wrapped};
 use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.
@@ -57,7 +57,7 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
         draw_search(frame, line, picker);
     }
     let room = usize::from(list.height);
-    let selected = rows.iter().position(|row| matches!(row, Row::Item(_, true))).unwrap_or(0);
+    let selected = rows.iter().position(|row| matches!(row, PickerRow::Item(_, true))).unwrap_or(0);
     let first = (selected + 1).saturating_sub(room);
     // The title of the first group stays in view.
     let first = if first == 1 && room > 1 && selected + 1 < room { 0 } else { first };
@@ -146,9 +146,9 @@ fn full_text(item: &Item, columns: usize) -> Vec<String> {
     item.below.iter().flat_map(|line| wrapped(line, columns.max(1))).collect()
 }
 
-fn row_line(row: &Row, labels: usize, columns: usize) -> Line<'static> {
-    let Row::Item(item, selected) = row else {
-        let Row::Title(title) = row else { return Line::default() };
+fn row_line(row: &PickerRow, labels: usize, columns: usize) -> Line<'static> {
+    let PickerRow::Item(item, selected) = row else {
+        let PickerRow::Title(title) = row else { return Line::default() };
         return Line::styled((*title).to_owned(), BOLD);
     };
     let sign = match (item.key, item.marked) {
@@ -256,7 +256,7 @@ mod tests {
         let items = names.map(|name| Item::new(name, detail.clone(), Choice::Nothing));
         let picker = Picker::new("maps", items.to_vec());
         for item in picker.items() {
-            let line = row_line(&Row::Item(item, false), label_width(&picker, 40), 40);
+            let line = row_line(&PickerRow::Item(item, false), label_width(&picker, 40), 40);
             let label: usize = line.spans.iter().take(2).map(Span::width).sum();
             assert_eq!((label, line.width()), (1 + 8 + 2, 40), "{line}");
         }

@@ -6,16 +6,16 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
-use super::Page;
+use super::ScreenPainter;
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::log::Notice;
+use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::scene::Scene;
 use crate::tui::scene::maze::Editor;
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{first_lines, wrapped};
 use crate::tui::theme::Theme;
 use crate::tui::tool::Tool;
 
@@ -25,8 +25,8 @@ const MAX_NOTICE_ROWS: usize = 4;
 const LAST_KEYS: [Action; 3] = [Action::Palette, Action::Help, Action::Quit];
 
 /// Draws the line, and the rest of a long notice above it.
-pub fn draw(page: &mut Page, area: Rect) {
-    let Page { frame, screen, scene, layout } = page;
+pub fn draw(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
     let notice = screen.log.notice();
     // The tools of the editor stay visible, as does the line above them that explains colours.
     let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());

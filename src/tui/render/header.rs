@@ -3,7 +3,7 @@
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 
-use super::Page;
+use super::ScreenPainter;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::style::{BOLD, DIM, REVERSED};
@@ -12,8 +12,8 @@ use gdg::text::fitted;
 /// Names longer than this, in columns, are shortened before anything is left out.
 const LONG_TITLE: usize = 24;
 
-pub fn draw(page: &mut Page, area: Rect) {
-    let Page { frame, screen, scene, layout } = page;
+pub fn draw(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
     let run = screen.run();
     let saved = match &screen.snapshot.saved {
         _ if screen.unsaved_updates() > 0 => " unsaved".to_owned(),

@@ -12,10 +12,10 @@ use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::pane_text::wrapped;
 use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::wrapped;
 
 /// Columns of the help, if there is room.
 const HELP_WIDTH: u16 = 78;

@@ -4,7 +4,7 @@ use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
-use super::Page;
+use super::ScreenPainter;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::scene::Scene;
@@ -17,8 +17,8 @@ use gdg::text::grouped;
 type Hint = (String, Vec<(Action, &'static str)>);
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
-pub fn draw(page: &mut Page, area: Rect) {
-    let Page { frame, screen, scene, layout } = page;
+pub fn draw(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
     let is_shown = screen.banner.is_some() && !screen.on_paper;
     let hints = match past(screen, scene) {
         _ if screen.tour.is_some() => None,

@@ -7,14 +7,14 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::{Page, curves, training};
+use super::{ScreenPainter, curves, training};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
+use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wrapped};
 use crate::tui::panes::Pane;
 use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wrapped};
 
 /// Minimum rows for two panes below each other, and for three.
 const TWO_PANE_ROWS: u16 = 30;
@@ -22,7 +22,7 @@ const THREE_PANE_ROWS: u16 = 48;
 
 const MIN_COLUMN_WIDTH: u16 = 36;
 
-pub fn draw(page: &mut Page, area: Rect) {
+pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(page, head);
     // The panes beside and below the selected one, the most informative first.
@@ -79,14 +79,14 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
     }
 }
 
-pub fn draw_maximised(page: &mut Page, area: Rect) {
+pub fn draw_maximised(page: &mut ScreenPainter, area: Rect) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(page, head);
     draw_pane(page, body, page.screen.pane);
 }
 
-fn draw_pane(page: &mut Page, area: Rect, pane: Pane) {
-    let Page { frame, screen, scene, .. } = page;
+fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
+    let ScreenPainter { frame, screen, scene, .. } = page;
     let (screen, scene) = (*screen, *scene);
     let title = match pane {
         Pane::Training => "training",
@@ -130,8 +130,8 @@ fn draw_pane(page: &mut Page, area: Rect, pane: Pane) {
 }
 
 /// Draws the names of the panes with their keys, closer together or without keys if room is short.
-fn tabs(page: &mut Page, area: Rect) {
-    let Page { frame, screen, scene, layout } = page;
+fn tabs(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)

@@ -6,14 +6,14 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 
-use super::Page;
+use super::ScreenPainter;
 use crate::tui::action::Action;
 use crate::tui::characters::{put, put_letter};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::pane_text::wrapped;
 use crate::tui::scene::MazeState;
 use crate::tui::screen::{Screen, ShownStep};
 use crate::tui::style::{BOLD, REVERSED};
-use crate::tui::text::wrapped;
 use crate::tui::theme::ColourDepth;
 
 /// Widths of the box that are tried, in columns, and what border and padding take.
@@ -28,8 +28,8 @@ const COVERED_COST: f32 = 1000.0;
 const HIDDEN_COST: f32 = 30.0;
 
 /// Draws the caption into the map's `area`, and its signs on the map.
-pub fn draw(page: &mut Page, area: Rect) {
-    let Page { frame, screen, scene, layout } = page;
+pub fn draw(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
     let (Some(tour), Some(map_frame)) = (&screen.tour, &layout.map) else { return };
     let (theme, buffer) = (&screen.theme, frame.buffer_mut());
     for (at, sign) in &tour.caption.marks {

@@ -4,13 +4,13 @@ use ratatui::text::Line;
 
 use super::curves::group_name;
 use crate::tui::action::Action;
+use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fact, short};
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::BOLD;
-use crate::tui::text::{EXPLAINED_WIDTH, clock, explain, fact, short};
 use gdg::engine::NextEvaluation;
 use gdg::env::DistanceUnit;
-use gdg::learn::{Losses, Stage};
+use gdg::learn::{Losses, TrainingPhase};
 use gdg::text::{grouped, sanitized};
 use gdg::train::{DistanceScore, Score};
 
@@ -207,8 +207,8 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
 
 fn time(screen: &Screen) -> Option<Line<'static>> {
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
-    let all: f64 = Stage::ALL.into_iter().map(spent).sum();
-    let exploring = spent(Stage::Explore);
+    let all: f64 = TrainingPhase::ALL.into_iter().map(spent).sum();
+    let exploring = spent(TrainingPhase::Explore);
     let percent = |seconds: f64| format!("{:.0} %", 100.0 * seconds / all);
     (all > 0.0).then(|| {
         fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring)))

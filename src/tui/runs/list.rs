@@ -1,5 +1,5 @@
-//! The rows of the list: which are shown, in which order, which are marked, and which is selected;
-//! and what is done with their files.
+//! The rows of the list: filter, order, marks and selection; and what is resumed, compared or
+//! deleted.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Wish;
-use crate::experiment::runs::{COLUMNS, RunKind, SavedRun, State, WRITTEN, name};
+use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, name};
 use gdg::files;
 use gdg::text::{counted, sanitized};
 
@@ -46,7 +46,7 @@ fn is_same(a: &SavedRun, b: &SavedRun) -> bool {
 
 /// Whether its file grows: another program trains the run.
 fn is_growing(run: &SavedRun) -> bool {
-    !run.is_damaged() && run.state() == State::Running
+    !run.is_damaged() && run.state() == RunState::Running
 }
 
 /// Returns what a run is found by, in small letters.

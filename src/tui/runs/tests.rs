@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::SystemTime;
 
 use super::*;
-use crate::experiment::runs::{RunKind, SavedRun, State};
+use crate::experiment::saved_runs::{RunKind, RunState, SavedRun};
 use crate::experiment::spec::EvaluationAt;
 use crate::tui::tests::{click, draw, place_of, press, shown_by, type_text};
 use crate::tui::theme::ThemeName;
@@ -28,7 +28,7 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
     SavedRun {
         source: file.into(),
         kind: RunKind::Checkpoint,
-        end: Some(State::Saved),
+        end: Some(RunState::Saved),
         map: map.to_owned(),
         method: method.to_owned(),
         settings: ["preset=default", "hidden=16"].map(str::to_owned).to_vec(),
@@ -54,7 +54,7 @@ fn damaged(file: impl Into<PathBuf>, problem: &str) -> SavedRun {
 
 impl RunsScreen {
     fn show_runs(&mut self, runs: &[SavedRun]) {
-        self.list(&Found { runs: found(runs), read: [1, 1] });
+        self.list(&FoundRuns { runs: found(runs), read: [1, 1] });
     }
 }
 
@@ -68,13 +68,13 @@ pub fn screen() -> RunsScreen {
     screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     let records = |seed, success: &[f64]| SavedRun {
         kind: RunKind::Records,
-        end: Some(State::Interrupted),
+        end: Some(RunState::Interrupted),
         checkpoint: None,
         ..saved("records/rooms.jsonl", "rooms", "her", seed, success)
     };
     let result = SavedRun {
         kind: RunKind::Result,
-        end: Some(State::Done),
+        end: Some(RunState::Done),
         variant: Some("small".to_owned()),
         settings: ["preset=tuned", "hidden=8"].map(str::to_owned).to_vec(),
         checkpoint: None,
@@ -169,7 +169,7 @@ fn runs_with_a_checkpoint_are_resumed_and_two_on_the_same_map_compared() {
     // Another program still trains it.
     let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
     let grows = SavedRun { written: Some(SystemTime::now()), ..grows };
-    screen.list(&Found { runs: vec![Arc::new(grows)], read: [1, 1] });
+    screen.list(&FoundRuns { runs: vec![Arc::new(grows)], read: [1, 1] });
     press(&mut screen, KeyCode::Enter);
     let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
@@ -197,7 +197,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     type_text(&mut screen, "Dy");
     assert!(!path("a").exists(), "a file that is no run");
     // A run of two files, one of which has another run, or is removed meanwhile.
-    let records = SavedRun { kind: RunKind::Records, end: Some(State::Done), ..own("d") };
+    let records = SavedRun { kind: RunKind::Records, end: Some(RunState::Done), ..own("d") };
     let joined = SavedRun { others: vec![path("e")], ..records.clone() };
     let other = SavedRun { seed: 8, ..records.clone() };
     screen.show_runs(&[joined, other]);
@@ -210,7 +210,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     // A file with a run that has ended, and one that goes on.
     let now = |run| Arc::new(SavedRun { written: Some(SystemTime::now()), ..run });
     let grows = SavedRun { end: None, seed: 9, kind: RunKind::Records, ..own("d") };
-    screen.list(&Found { runs: vec![now(records), now(grows)], read: [1, 1] });
+    screen.list(&FoundRuns { runs: vec![now(records), now(grows)], read: [1, 1] });
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Delete);
     assert!(shown_by(&mut screen, 120, 40).contains("d still grows"));

@@ -95,13 +95,13 @@ impl Colours<'_> {
 
 /// A pixel's position between two of evenly spaced values.
 #[derive(Clone, Copy)]
-struct Place {
+struct BetweenValues {
     from: usize,
     to: usize,
     share: f32,
 }
 
-impl Place {
+impl BetweenValues {
     /// Places the middle of pixel `i` of `pixels` among `count` values.
     fn new(i: usize, pixels: usize, count: usize, is_smooth: bool) -> Self {
         let at = (i as f32 + 0.5) / pixels as f32 * count as f32;
@@ -150,8 +150,8 @@ pub fn draw(
     let shades: Vec<f32> = values.iter().map(|value| colours.shade(*value)).collect();
     let value_rows = shades.len() / value_columns;
     let is_smooth = canvas.is_fine && colours.field != Field::Visits;
-    let places: Vec<Place> =
-        (0..columns).map(|x| Place::new(x, columns, value_columns, is_smooth)).collect();
+    let places: Vec<BetweenValues> =
+        (0..columns).map(|x| BetweenValues::new(x, columns, value_columns, is_smooth)).collect();
     let outside = theme.page.map_or((0, 0, 0), |(_, ground)| ground);
     let mut look = vec![Look::plain(0.0); columns];
     let mut between = vec![f32::NAN; value_columns];
@@ -159,7 +159,7 @@ pub fn draw(
     for y in 0..rows {
         looks(y, &mut look);
         if value_rows > 0 {
-            let place = Place::new(y, rows, value_rows, is_smooth);
+            let place = BetweenValues::new(y, rows, value_rows, is_smooth);
             let of = |row: usize| &shades[row * value_columns..(row + 1) * value_columns];
             let both = of(place.from).iter().zip(of(place.to));
             between.iter_mut().zip(both).for_each(|(own, (a, b))| *own = place.between(*a, *b));

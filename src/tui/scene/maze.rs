@@ -2,7 +2,7 @@
 
 mod act;
 mod editor;
-mod map;
+mod map_pixels;
 
 use std::sync::Arc;
 
@@ -16,17 +16,17 @@ use super::legend::{contour_text, draw_scale, edge_lines, sample, sign};
 use super::overlays::{FRONTIER_SIGN, MAX_EDGES, TRAIL_MARK};
 use crate::tui::action::Action;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::link::Link;
-use crate::tui::raster::Viewport;
+use crate::tui::link::TrainerLink;
+use crate::tui::pane_text::{fitted_line, short};
 use crate::tui::screen::Screen;
-use crate::tui::text::{fitted_line, short};
 use crate::tui::theme::{ColourDepth, Rgb};
+use crate::tui::viewport::Viewport;
 pub use act::{maze_on, place_walker};
 pub use editor::Editor;
 use gdg::bridge::EdgeStatus;
 use gdg::map::{Cell, Grid};
 use gdg::viewer::{OnArrival, Plane, Request, View, cell_of_goal};
-pub use map::Cache;
+pub use map_pixels::Cache;
 
 pub struct MazeState {
     /// The map as the user last edited it; the trainer follows.
@@ -130,7 +130,7 @@ impl SceneKind for MazeState {
         layout: &mut ScreenLayout,
         cache: &mut Cache,
     ) {
-        map::draw(frame, area, self, screen, layout, cache);
+        map_pixels::draw(frame, area, self, screen, layout, cache);
         if let Some(cell) = self.inspecting.or(self.hovered) {
             let facts = Line::from(cell_facts(self, cell));
             return frame.render_widget(fitted_line(facts, info.width), info);
@@ -140,7 +140,7 @@ impl SceneKind for MazeState {
         draw_scale(frame, info, self, screen, &texts);
     }
 
-    fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+    fn start(&mut self, screen: &mut Screen, link: &mut TrainerLink) {
         let Some(scene) = screen.snapshot.scene.maze() else { return };
         let map = scene.map.clone();
         // A new run on a drawn map leaves it in no file.
@@ -160,7 +160,7 @@ impl SceneKind for MazeState {
         self.set_goal(goal, screen, link);
     }
 
-    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink) {
         let at_cursor = self.inspecting.unwrap_or(self.goal);
         match action {
             Action::NewGoal => {
@@ -189,7 +189,7 @@ impl SceneKind for MazeState {
         kind: MouseEventKind,
         at: Position,
         screen: &mut Screen,
-        link: &mut Link,
+        link: &mut TrainerLink,
     ) -> bool {
         let Some(frame) = &screen.layout.map.clone() else { return false };
         let drawing = self.editor.is_drawing();
@@ -240,7 +240,7 @@ impl SceneKind for MazeState {
         true
     }
 
-    fn close(&mut self, link: &Link) -> bool {
+    fn close(&mut self, link: &TrainerLink) -> bool {
         if self.editor.is_open() {
             self.editor.close();
         } else if self.inspecting.is_some() {
@@ -251,7 +251,7 @@ impl SceneKind for MazeState {
         true
     }
 
-    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &TrainerLink) {
         match &screen.layout.map {
             Some(frame) if before.map.as_ref() != Some(frame) => {
                 let planes = Arc::new(vec![Plane::of_maze(frame.raster)]);
@@ -263,7 +263,7 @@ impl SceneKind for MazeState {
         }
     }
 
-    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &Link) {
+    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &TrainerLink) {
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal
         // request.
         if let (Some(goal), number) = &view.goal

@@ -1,4 +1,4 @@
-//! What lies over the ground of any scene: the bridge graph, searches, agents and plans.
+//! The overlays of any scene: the bridge graph, searches, agents and plans.
 
 use std::collections::HashMap;
 

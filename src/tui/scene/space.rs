@@ -1,7 +1,7 @@
 //! Worlds without a map: planes in the space of goals. An arm is seen from three sides, and from
 //! any other; of other worlds, two components of goals at a time.
 
-mod draw;
+mod planes;
 
 use std::sync::Arc;
 
@@ -14,15 +14,15 @@ use super::{Cache, SceneKind};
 use crate::tui::action::{Action, Binding};
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::link::Link;
+use crate::tui::link::TrainerLink;
+use crate::tui::pane_text::{fact, heading};
 use crate::tui::panes::Pane;
 use crate::tui::projection::{Angle, Camera, Projection, ShownAngles, has_room};
 use crate::tui::screen::Screen;
-use crate::tui::text::{fact, heading};
-use draw::short;
 use gdg::engine::Snapshot;
 use gdg::env::{GoalSpace, WorldScene};
 use gdg::viewer::{Field, Request, View};
+use planes::short;
 
 /// How far a key moves the goal: of an arm in metres, else as a share of what is shown.
 const NUDGE: f32 = 0.01;
@@ -102,7 +102,7 @@ impl SpaceState {
 }
 
 impl SpaceState {
-    fn draw_goal(&mut self, screen: &mut Screen, link: &mut Link) {
+    fn draw_goal(&mut self, screen: &mut Screen, link: &mut TrainerLink) {
         if let WorldScene::Arm(arm) = &screen.snapshot.scene {
             let goal = arm.random_goal(&mut link.rng).to_vec();
             return self.set_goal(goal, screen, link);
@@ -113,7 +113,7 @@ impl SpaceState {
     }
 
     /// Sets the goal: of an arm, to the valid position nearest to it.
-    pub fn set_goal(&mut self, goal: Vec<f32>, screen: &mut Screen, link: &mut Link) {
+    pub fn set_goal(&mut self, goal: Vec<f32>, screen: &mut Screen, link: &mut TrainerLink) {
         link.return_to_present(screen);
         self.goal = match (&screen.snapshot.scene, <[f32; 3]>::try_from(&*goal)) {
             (WorldScene::Arm(arm), Ok(at)) => arm.nearest_goal(at).to_vec(),
@@ -132,7 +132,7 @@ impl SpaceState {
         }
     }
 
-    fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen, link: &mut Link) {
+    fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen, link: &mut TrainerLink) {
         let Some(plane) = self.chosen(&screen.layout).map(|shown| &shown.plane) else { return };
         if self.goal.is_empty() {
             return;
@@ -296,7 +296,7 @@ impl SceneKind for SpaceState {
     }
 
     fn signs(&self, screen: &Screen) -> Vec<Line<'static>> {
-        draw::legend(self, screen)
+        planes::legend(self, screen)
     }
 
     fn draw(
@@ -307,10 +307,10 @@ impl SceneKind for SpaceState {
         layout: &mut ScreenLayout,
         _cache: &mut Cache,
     ) {
-        draw::draw(frame, areas, self, screen, layout);
+        planes::draw(frame, areas, self, screen, layout);
     }
 
-    fn start(&mut self, screen: &mut Screen, link: &mut Link) {
+    fn start(&mut self, screen: &mut Screen, link: &mut TrainerLink) {
         *self = Self {
             shown: ShownAngles { camera: Camera::default(), ..self.shown },
             ..Self::of(&screen.snapshot)
@@ -328,7 +328,7 @@ impl SceneKind for SpaceState {
         }
     }
 
-    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink) {
         match action {
             Action::NewGoal => self.draw_goal(screen, link),
             Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen, link),
@@ -356,7 +356,7 @@ impl SceneKind for SpaceState {
         }
     }
 
-    fn close(&mut self, _link: &Link) -> bool {
+    fn close(&mut self, _link: &TrainerLink) -> bool {
         std::mem::take(&mut self.shown.alone)
     }
 
@@ -365,7 +365,7 @@ impl SceneKind for SpaceState {
         kind: MouseEventKind,
         at: Position,
         screen: &mut Screen,
-        link: &mut Link,
+        link: &mut TrainerLink,
     ) -> bool {
         let shown = &screen.layout.projections;
         let found = shown.iter().find(|projection| projection.frame.area.contains(at)).cloned();
@@ -426,7 +426,7 @@ impl SceneKind for SpaceState {
         true
     }
 
-    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &Link) {
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &TrainerLink) {
         let shown = &mut screen.layout.projections;
         if shown.is_empty() {
             // Hidden behind a maximised pane.
@@ -437,7 +437,7 @@ impl SceneKind for SpaceState {
         }
     }
 
-    fn show(&mut self, view: Arc<View>, _screen: &mut Screen, link: &Link) {
+    fn show(&mut self, view: Arc<View>, _screen: &mut Screen, link: &TrainerLink) {
         // Also goals that the viewer has drawn, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
             && *number == link.goal_request

@@ -1,4 +1,4 @@
-//! Dialogs: what the user does in them, and what the answers do.
+//! Input to dialogs, and the effects of their answers.
 
 use std::path::Path;
 
@@ -6,9 +6,9 @@ use crossterm::event::Event;
 use rand::RngExt;
 use ratatui::layout::Position;
 
-use super::files::{self, checkpoint_file};
+use super::disk::{self, checkpoint_file};
 use super::saving::unsaved;
-use super::{Cx, Session, runs, time, view};
+use super::{Cx, Session, change_run, time, view};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::layer::Reply;
 use crate::tui::lists;
@@ -90,48 +90,48 @@ impl Session {
         match choice {
             Choice::SaveFirst(then) => saver.save_then(*then, cx),
             Choice::Act(action) => self.act(action),
-            Choice::Setting(name) => runs::ask_setting(name, cx),
+            Choice::Setting(name) => change_run::ask_setting(name, cx),
             Choice::Method(method) => {
                 let registry = cx.screen.latest.registry.clone();
-                runs::change(|run| run.set_method(method, &registry), saver, cx);
+                change_run::change(|run| run.set_method(method, &registry), saver, cx);
             }
             Choice::Preset(preset) => {
                 let settings = cx.screen.settings_of(preset);
                 let change = |run: &mut Run| (run.preset, run.settings) = (preset, settings);
-                runs::change(change, saver, cx);
+                change_run::change(change, saver, cx);
             }
-            Choice::Change(run) => runs::change_to(*run, saver, cx),
+            Choice::Change(run) => change_run::change_to(*run, saver, cx),
             Choice::Theme(name) => view::set_theme(&mut cx.screen, name),
-            Choice::Folder(folder) => files::pick_map(cx, Some(&folder)),
-            Choice::OpenMap(path) => files::open_map(cx, &path),
+            Choice::Folder(folder) => disk::pick_map(cx, Some(&folder)),
+            Choice::OpenMap(path) => disk::open_map(cx, &path),
             Choice::OpenBuiltin(name) => {
                 if let Some(map) = gdg::map::builtin(name) {
-                    files::offer_map(cx, map);
+                    disk::offer_map(cx, map);
                 }
             }
             Choice::OpenEmpty => {
                 let (width, height) = lists::EMPTY_MAP;
-                files::offer_map(cx, Grid::empty("new", width, height));
+                disk::offer_map(cx, Grid::empty("new", width, height));
             }
             Choice::OpenRandom(kind) => {
                 let seed = cx.link.rng.random_range(0..1_000);
-                files::offer_map(cx, gdg::map::random(kind, None, seed));
+                disk::offer_map(cx, gdg::map::random(kind, None, seed));
             }
             Choice::OpenWorld(name) => {
                 let (begin, choice) = (format!("start a new run on {name}"), Choice::StartIn(name));
                 cx.screen.open(lists::leave(name, &begin, "new networks", choice, unsaved(cx)));
             }
-            Choice::StartIn(name) => runs::start_in(name, cx),
-            Choice::Restart(seed) => runs::restart(seed, cx),
-            Choice::StartOn(map) => runs::start_on(map, cx),
-            Choice::ContinueOn(map) => runs::continue_on(&map, cx),
-            Choice::Load(path) => runs::load(path, false, cx),
-            Choice::LoadUnsaved(path) => runs::load(path, true, cx),
+            Choice::StartIn(name) => change_run::start_in(name, cx),
+            Choice::Restart(seed) => change_run::restart(seed, cx),
+            Choice::StartOn(map) => change_run::start_on(map, cx),
+            Choice::ContinueOn(map) => change_run::continue_on(&map, cx),
+            Choice::Load(path) => change_run::load(path, false, cx),
+            Choice::LoadUnsaved(path) => change_run::load(path, true, cx),
             Choice::Field(field) => {
                 time::leave_past(cx);
                 view::show_field(cx, field);
             }
-            Choice::Export(kind) => files::export(kind, cx),
+            Choice::Export(kind) => disk::export(kind, cx),
             Choice::Quit { save: true } => saver.save_and_quit(cx),
             Choice::Quit { save: false } => saver.is_done = true,
             Choice::Nothing => {}
@@ -146,7 +146,7 @@ impl Session {
             Question::Setting(name) => {
                 let settings = with_setting(&cx.screen.run().settings, name, typed)
                     .map_err(|error| error.one_line())?;
-                runs::change(|run| run.settings = settings, saver, cx);
+                change_run::change(|run| run.settings = settings, saver, cx);
             }
             Question::SaveAs => {
                 if typed.is_empty() {
@@ -156,7 +156,7 @@ impl Session {
                 check_name(&path).map_err(|e| format!("the file cannot be written: {e}"))?;
                 saver.save_under(path, cx);
             }
-            Question::SaveMap => files::save_map(cx, typed)?,
+            Question::SaveMap => disk::save_map(cx, typed)?,
         }
         Ok(())
     }
@@ -182,7 +182,7 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
             .into_iter()
             .chain(image)
             .reduce(|file, image| format!("{file} exists, {image}"));
-        lost = files::loss(cx, typed);
+        lost = disk::loss(cx, typed);
     }
     Ok(match (lost, replaced) {
         (Some(lost), Some(file)) => {

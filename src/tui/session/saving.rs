@@ -8,17 +8,17 @@ use std::time::{Duration, Instant};
 use miette::Report;
 
 use super::{Cx, Session};
+use crate::host::errors::from_checkpoint_error;
 use crate::host::logging;
 use crate::host::outputs::save_elsewhere;
-use crate::host::report::from_checkpoint_error;
-use crate::host::runs::{SAVES, resume_command};
+use crate::host::saves::{SAVES, resume_command};
 use crate::host::waiting::{TWICE, Waiting};
 use crate::tui::dialog::{Choice, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;
 use crate::tui::screen::Screen;
 use crate::tui::terminal;
-use gdg::engine::{Command, Engine, Phase, Snapshot};
+use gdg::engine::{Engine, EngineCommand, Phase, Snapshot};
 use gdg::files::{named, unused_path};
 use gdg::job::Running;
 use gdg::map::Grid;
@@ -123,7 +123,7 @@ impl Saver {
     }
 
     pub fn request_save(&mut self, cx: &mut Cx) -> bool {
-        let is_asked = cx.command(Command::Save(self.to.clone(), notes(cx)));
+        let is_asked = cx.command(EngineCommand::Save(self.to.clone(), notes(cx)));
         let map = cx.scene.maze().map(|maze| maze.map.clone());
         self.awaited = is_asked.then(|| (Instant::now(), map));
         is_asked
@@ -142,7 +142,7 @@ impl Saver {
 
     /// Saves automatically, to a file next to the user's own.
     fn autosave(&mut self, cx: &mut Cx) {
-        cx.command(Command::Autosave(self.to.path().to_owned(), notes(cx)));
+        cx.command(EngineCommand::Autosave(self.to.path().to_owned(), notes(cx)));
     }
 
     /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
@@ -167,14 +167,14 @@ impl Saver {
             return;
         }
         self.was_training = cx.screen.latest.phase.is_training();
-        cx.command(Command::Pause);
+        cx.command(EngineCommand::Pause);
         self.save_then(QUIT, cx);
     }
 
     /// Handles a closed dialog: quitting is cancelled, and training paused for it resumes.
     pub fn cancel_quit(&mut self, cx: &mut Cx) {
         if self.then.take_if(|then| *then == QUIT).is_some() && self.was_training {
-            cx.command(Command::Resume);
+            cx.command(EngineCommand::Resume);
         }
     }
 }

@@ -7,7 +7,7 @@ use super::Cx;
 use crate::tui::action::Action;
 use crate::tui::render::curves::along;
 use crate::tui::screen::Screen;
-use gdg::engine::{Command, Step};
+use gdg::engine::{EngineCommand, Step};
 use gdg::train::FilmFrame;
 use gdg::viewer::Request;
 
@@ -16,21 +16,21 @@ const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600
 
 pub fn toggle_pause(cx: &mut Cx) {
     let trains = cx.snapshots().borrow().phase.is_training();
-    if cx.command(if trains { Command::Pause } else { Command::Resume }) {
+    if cx.command(if trains { EngineCommand::Pause } else { EngineCommand::Resume }) {
         cx.screen.pausing = trains;
     }
 }
 
 /// Runs a step, pausing training first if necessary.
 pub fn step(cx: &mut Cx, step: Step) {
-    if cx.screen.snapshot.phase.is_training() && cx.command(Command::Pause) {
+    if cx.screen.snapshot.phase.is_training() && cx.command(EngineCommand::Pause) {
         cx.screen.pausing = true;
     }
-    cx.command(Command::Step(step));
+    cx.command(EngineCommand::Step(step));
 }
 
 pub fn evaluate(cx: &mut Cx) {
-    cx.command(Command::Evaluate);
+    cx.command(EngineCommand::Evaluate);
 }
 
 pub fn change_speed(cx: &mut Cx, faster: bool) {
@@ -46,7 +46,7 @@ pub fn change_speed(cx: &mut Cx, faster: bool) {
     } else {
         SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
     };
-    if cx.command(Command::LimitSpeed(speed)) {
+    if cx.command(EngineCommand::LimitSpeed(speed)) {
         cx.screen.say(&match speed {
             Some(speed) => format!("at most {speed:.0} updates per second"),
             None => "no speed limit".to_owned(),

@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 use super::{Cx, view};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
-use crate::tui::raster::Viewport;
 use crate::tui::scene::MazeState;
 use crate::tui::scene::maze;
 use crate::tui::screen::{Caption, Screen, ShownStep};
 use crate::tui::theme::ColourDepth;
+use crate::tui::viewport::Viewport;
 use gdg::bridge::{BridgePoint, SearchOutcome};
 use gdg::engine::Networks;
 use gdg::learn::Scratch;
@@ -34,7 +34,7 @@ pub struct Tour {
     /// When the step's subject was seen.
     seen_at: Option<f32>,
     /// The bridge that is explained, once one has been found, and how often one has been looked for.
-    bridge: Option<Bridge>,
+    bridge: Option<TourBridge>,
     searches: usize,
     /// Where the agent walks from.
     start: Option<Cell>,
@@ -68,13 +68,13 @@ pub fn run() -> Run {
 
 /// Leads through the tour, while there is one.
 #[derive(Default)]
-pub struct Guide {
+pub struct TourGuide {
     tour: Option<Tour>,
     /// When time last passed.
     ticked: Option<Instant>,
 }
 
-impl Guide {
+impl TourGuide {
     pub fn begin(&mut self, cx: &mut Cx) {
         if let Some(maze) = cx.scene.maze_mut() {
             maze.editor.close();
@@ -350,14 +350,14 @@ fn bending(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
 
 /// A place B with D(S,B) + D(B,G) far below D(S,G).
 #[derive(Clone, Copy)]
-pub struct Bridge {
+pub struct TourBridge {
     /// S, B and G: centres of cells, where goal and agent are put.
     stops: [[f32; 2]; 3],
     /// D(S,B), D(B,G) and D(S,G).
     distances: [f32; 3],
 }
 
-impl Bridge {
+impl TourBridge {
     fn gain(&self) -> f32 {
         let [first, second, direct] = self.distances;
         direct - first - second
@@ -373,7 +373,7 @@ impl Bridge {
 }
 
 /// Returns the bridge that saves most among a sample of the candidates, by the learned D alone.
-pub fn clearest(networks: &Networks, sample: usize) -> Option<Bridge> {
+pub fn clearest(networks: &Networks, sample: usize) -> Option<TourBridge> {
     let (places, _) = networks.candidates.points().as_chunks::<2>();
     let n = places.len().min(SAMPLE);
     let place = |i: usize| places[(sample * NEXT_SAMPLE + i * places.len() / n) % places.len()];
@@ -387,9 +387,9 @@ pub fn clearest(networks: &Networks, sample: usize) -> Option<Bridge> {
     let bridges = triples.map(|triple| {
         let [start, bridge, goal] = triple;
         let distances = [d(start, bridge), d(bridge, goal), d(start, goal)];
-        Bridge { stops: triple.map(|i| sample[i]), distances }
+        TourBridge { stops: triple.map(|i| sample[i]), distances }
     });
-    bridges.filter(Bridge::is_clear).max_by(|a, b| a.gain().total_cmp(&b.gain()))
+    bridges.filter(TourBridge::is_clear).max_by(|a, b| a.gain().total_cmp(&b.gain()))
 }
 
 /// Looks for a bridge, and puts start and goal at its ends.
@@ -427,7 +427,7 @@ fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     if tour.bridge.is_none() {
         find_bridge(tour, cx);
     }
-    let Some(Bridge { stops: [start, bridge, goal], distances: [first, second, direct] }) =
+    let Some(TourBridge { stops: [start, bridge, goal], distances: [first, second, direct] }) =
         tour.bridge
     else {
         return no_bridge(cx);
@@ -451,7 +451,7 @@ fn walk_over(tour: &mut Tour, cx: &mut Cx) {
 }
 
 fn over_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
-    let Some(Bridge { stops, distances: [first, second, direct] }) = tour.bridge else {
+    let Some(TourBridge { stops, distances: [first, second, direct] }) = tour.bridge else {
         return no_bridge(cx).map(|caption| Caption { seen: true, ..caption });
     };
     let walk = &cx.scene.maze()?.view.reach;

@@ -1,4 +1,4 @@
-//! What is shown, and how: fields, overlays, panes and colours.
+//! Changes the view: fields, overlays, panes and colours.
 
 use super::Cx;
 use crate::tui::action::Action;

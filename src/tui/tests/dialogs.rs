@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::tui::lists;
-use crate::tui::session::files::{Show, offer_map, pick_map};
+use crate::tui::session::disk::{ShowResult, offer_map, pick_map};
 use gdg::job::{Job, Running};
 
 #[test]
@@ -66,7 +66,7 @@ fn tick_until(app: &mut App, is: fn(&App) -> bool) {
 fn the_interface_goes_on_while_a_map_is_read() {
     let mut app = still();
     let (send, receive) = std::sync::mpsc::channel();
-    let read = move |progress: &Job| -> Show {
+    let read = move |progress: &Job| -> ShowResult {
         progress.begin(0, 1);
         progress.set(1, 4);
         let map = receive.recv().expect("a map");

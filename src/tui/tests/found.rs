@@ -1,7 +1,7 @@
 //! What the user sees at the start, and what the trainer's answers change.
 
 use super::*;
-use gdg::engine::Command;
+use gdg::engine::EngineCommand;
 
 #[test]
 fn a_resumed_run_goes_on_with_its_goal() {
@@ -14,15 +14,15 @@ fn a_resumed_run_goes_on_with_its_goal() {
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     app.set_goal(Cell::new(1, 1));
-    app.command(Command::Load(path));
+    app.command(EngineCommand::Load(path));
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some() && app.maze().goal == own);
     assert_eq!(app.screen.snapshot.notes.goal, own.centre());
 }
 
 #[test]
 fn lines_over_the_map_and_notices_go_away_after_a_while() {
-    type Shows<'a> = (&'a str, &'a dyn Fn(&mut App));
-    let shows: [Shows; 1] = [("click: a new goal", &|app| app.screen.explains = true)];
+    type ShowCase<'a> = (&'a str, &'a dyn Fn(&mut App));
+    let shows: [ShowCase; 1] = [("click: a new goal", &|app| app.screen.explains = true)];
     let long_ago = Instant::now().checked_sub(Duration::from_millis(10_100)).expect("a time");
     for (line, show) in shows {
         let mut app = still();

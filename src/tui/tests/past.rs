@@ -2,7 +2,7 @@
 
 use super::staged::staged_app;
 use super::*;
-use crate::tui::export::name;
+use crate::tui::drawings::name;
 use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
 use gdg::train::{Film, FilmFrame};

@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use super::staged::staged_app;
 use super::*;
 use crate::tui::graphics::patches::Patches;
-use crate::tui::graphics::{Graphics, Picture, Redraw};
+use crate::tui::graphics::{Graphics, Redraw, TerminalPicture};
 use crate::tui::layers::Overlay;
 use crate::tui::marker::Marker;
 use crate::tui::theme::Rgb;
@@ -19,14 +19,14 @@ fn app_with_pictures() -> App {
     app
 }
 
-fn picture(app: &App) -> &Picture {
+fn picture(app: &App) -> &TerminalPicture {
     app.pictures().first().copied().expect("a picture")
 }
 
 /// Returns the colour of the picture at a position on the map, shifted by some pixels.
 fn colour(app: &App, at: [f32; 2], off: [f32; 2]) -> Rgb {
     let window = app.screen.layout.map.as_ref().expect("a map").raster.window;
-    let Picture { columns, pixels, .. } = picture(app);
+    let TerminalPicture { columns, pixels, .. } = picture(app);
     let pixel = |at: f32, from: f32, shown: f32, size: usize, off: f32| {
         ((at - from) / shown * size as f32 + off) as usize
     };
@@ -45,7 +45,7 @@ fn hide_overlays(app: &mut App) {
 
 /// Returns the characters that no text has been written over.
 fn left_to_picture(terminal: &Terminal<TestBackend>, area: Rect) -> usize {
-    area.positions().filter(|at| Picture::owns(&terminal.backend().buffer()[*at])).count()
+    area.positions().filter(|at| TerminalPicture::owns(&terminal.backend().buffer()[*at])).count()
 }
 
 #[test]
@@ -134,7 +134,7 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let mut app = still_on(map, gdg());
     app.set_graphics(Some(Graphics { character: (3, 6) }), Redraw::All);
     draw(&mut app, 100, 40);
-    let Picture { columns, pixels, .. } = picture(&app);
+    let TerminalPicture { columns, pixels, .. } = picture(&app);
     assert!(*columns < 300, "less than a pixel for two cells");
     let row = pixels.chunks(*columns).nth(pixels.len() / columns * 3 / 4).expect("a row");
     let dark = |x: usize| row[x][1] > 38 && row[x][0] < 60;

@@ -5,7 +5,7 @@ use super::*;
 use crate::tui::dialog::{Choice, Dialog};
 use crate::tui::graphics::{Graphics, Redraw};
 use crate::tui::lists;
-use crate::tui::session::runs;
+use crate::tui::session::change_run;
 use crate::tui::session::saving::about_files;
 
 /// Returns an app that trains the rooms and saves them to a file, after its first update.
@@ -268,7 +268,7 @@ fn an_edited_map_is_not_discarded_without_a_question() {
     app.change_cell(cell, false);
     wait_until(&mut app, |app| saved(app) != before);
     assert!(app.scene.has_unsaved_map());
-    runs::restart(7, &mut app.cx);
+    change_run::restart(7, &mut app.cx);
     wait_until(&mut app, |app| app.screen.run().seed == 7);
     assert!(!app.maze().map.is_free(cell) && asks(&mut app), "a new run on the drawn map");
 }
@@ -301,7 +301,8 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
         let asked = text(&draw(app, 80, 24)).contains("this resets the networks");
         assert_eq!(app.screen.dialogs.len(), usize::from(asked));
         asked.then(|| press(app, KeyCode::Esc));
-        let sent = app.commands.try_iter().any(|command| matches!(command, Command::Change(_)));
+        let sent =
+            app.commands.try_iter().any(|command| matches!(command, EngineCommand::Change(_)));
         assert_ne!(asked, sent, "nothing changes without the answer");
         asked
     };
@@ -315,16 +316,16 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
     assert!(!asks(&mut app), "the networks stay");
     set(&mut app, "hidden", "8");
     press(&mut app, KeyCode::Char('s'));
-    let sent: Vec<Command> = app.commands.try_iter().collect();
-    assert!(matches!(sent[..], [Command::Save(..)]), "the change waits for the checkpoint");
+    let sent: Vec<EngineCommand> = app.commands.try_iter().collect();
+    assert!(matches!(sent[..], [EngineCommand::Save(..)]), "the change waits for the checkpoint");
     app.change_snapshot(|snapshot| snapshot.saved = Some((10_000, Arc::new("own".into()))));
     assert!(
-        matches!(app.commands.try_recv(), Ok(Command::Change(run)) if run.settings.learn.hidden == 8)
+        matches!(app.commands.try_recv(), Ok(EngineCommand::Change(run)) if run.settings.learn.hidden == 8)
     );
     // A run that has hardly been trained is changed at once.
     let mut app = still();
     set(&mut app, "hidden", "8");
-    assert!(matches!(app.commands.try_recv(), Ok(Command::Change(_))));
+    assert!(matches!(app.commands.try_recv(), Ok(EngineCommand::Change(_))));
 }
 
 #[test]

@@ -1,15 +1,15 @@
 //! What is drawn: reviewed screens as snapshots, with their styles, and that everything can be.
 
-use super::picture::picture;
+use super::screen_text::picture;
 use super::staged::staged_app;
 use super::*;
 use crate::tui::graphics::Redraw;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::marker::Marker;
 use crate::tui::panes::Pane;
-use crate::tui::raster::{MapFrame, Viewport};
+use crate::tui::viewport::{MapFrame, Viewport};
 use gdg::bridge::EdgeStatus;
-use gdg::draw::Ground;
+use gdg::draw::RasterPixel;
 use gdg::map::{RandomMapKind, random};
 use gdg::viewer::{Candidate, Exploration, Graph};
 
@@ -185,7 +185,7 @@ fn shows_floor(frame: &MapFrame, map: &Grid, at: Position) -> bool {
     (0..across * down).any(|n| {
         let column = usize::from(at.x - frame.area.x) * across + n % across;
         let row = usize::from(at.y - frame.area.y) * down + n / across;
-        matches!(frame.raster.ground(map, column, row), Ground::Free(_))
+        matches!(frame.raster.ground(map, column, row), RasterPixel::Free(_))
     })
 }
 

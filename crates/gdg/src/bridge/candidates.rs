@@ -12,7 +12,7 @@ use super::settings::{BridgeSettings, MAX_FACTOR};
 use crate::env::Spec;
 use crate::learn::GoalIndex;
 use crate::store::{StoreError, planes};
-use paths::{AT_SHARE, HopOutcomes, KnownPaths, Path};
+use paths::{AT_SHARE, HopOutcomes, KnownPaths, WalkedPath};
 
 /// Step count between two candidates that no trajectory connected within the time window.
 pub const UNOBSERVED: u16 = u16::MAX;
@@ -173,7 +173,7 @@ impl Candidates {
         if from == to {
             return 0;
         }
-        self.paths[from].to(to as u32).map_or(UNOBSERVED, Path::steps)
+        self.paths[from].to(to as u32).map_or(UNOBSERVED, WalkedPath::steps)
     }
 
     /// Returns the candidates that some trajectory reached from near `from`, in ascending order, and
@@ -264,7 +264,7 @@ impl Candidates {
         let visits = &mut self.visits[agent];
         for from in visits.iter().filter(|from| from.candidate != visit.candidate) {
             let steps = (clock - from.step) as u16;
-            let path = Path::new(visit.candidate, steps, [from.exact, exact]);
+            let path = WalkedPath::new(visit.candidate, steps, [from.exact, exact]);
             KnownPaths::observe(&mut self.paths[from.candidate as usize], path);
         }
         visits.push_back(visit);

@@ -212,8 +212,8 @@ impl BridgeGraph {
         from: Option<usize>,
         to: Option<usize>,
         distance: f32,
-    ) -> Option<Link> {
-        Link::new(&self.candidates, from?, to?, distance)
+    ) -> Option<PlannedEdge> {
+        PlannedEdge::new(&self.candidates, from?, to?, distance)
     }
 }
 
@@ -287,7 +287,7 @@ impl<'a> DistanceRows<'a> {
 
     fn edge(&self, from: usize, to: usize, distance: f32) -> Option<Edge> {
         let candidates = self.candidates;
-        let Link { length, cost } = Link::new(candidates, from, to, distance)?;
+        let PlannedEdge { length, cost } = PlannedEdge::new(candidates, from, to, distance)?;
         let status = EdgeStatus::from(candidates.walk_record(from, to));
         let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
         let (length, cost) = (length + self.hop, cost + self.hop);
@@ -313,14 +313,14 @@ pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
 
 /// A connection between two places that plans may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Link {
+pub(super) struct PlannedEdge {
     pub length: f32,
     /// Planning cost in steps: higher where the length is uncertain, or where hops of this length
     /// often fail.
     pub cost: f32,
 }
 
-impl Link {
+impl PlannedEdge {
     /// Returns the link from near candidate `from` to near candidate `to` that is `distance` steps
     /// long by D; `None` if it may not be used.
     fn new(candidates: &Candidates, from: usize, to: usize, distance: f32) -> Option<Self> {
@@ -376,8 +376,8 @@ mod tests {
     #[test]
     fn ways_that_only_trajectories_support_cost_more_and_the_way_back_most() {
         let mut candidates = one_way();
-        let link = |from, to, distance| Link::new(&candidates, from, to, distance);
-        let known = |length, cost| Some(Link { length, cost });
+        let link = |from, to, distance| PlannedEdge::new(&candidates, from, to, distance);
+        let known = |length, cost| Some(PlannedEdge { length, cost });
         assert_eq!(link(0, 1, 2.0), known(2.0, 2.0), "D and a trajectory agree");
         assert_eq!(link(0, 1, 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
         assert_eq!(link(0, 1, 50.0), known(10.0, 10.0 + OBSERVED_PENALTY_STEPS), "D is too long");
@@ -387,10 +387,10 @@ mod tests {
             "the other way alone"
         );
         candidates.settings.keep_observed_edges = false;
-        let link = |from, to, distance| Link::new(&candidates, from, to, distance);
+        let link = |from, to, distance| PlannedEdge::new(&candidates, from, to, distance);
         assert_eq!([link(0, 1, 0.5), link(0, 1, 50.0), link(1, 0, 2.0)], [None; 3]);
         candidates.settings.verify_edges = false;
-        assert_eq!(Link::new(&candidates, 1, 0, 2.0), known(2.0, 2.0));
+        assert_eq!(PlannedEdge::new(&candidates, 1, 0, 2.0), known(2.0, 2.0));
     }
 
     #[test]
@@ -400,7 +400,7 @@ mod tests {
         for arrived in [true, false, false, false] {
             candidates.record_walk(from, to, 4.5, arrived);
         }
-        let link = |distance| Link::new(&candidates, 0, 1, distance).expect("a link");
+        let link = |distance| PlannedEdge::new(&candidates, 0, 1, distance).expect("a link");
         let failures = candidates.hops().failures(4.5);
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * late_after(4.5));

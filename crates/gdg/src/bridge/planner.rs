@@ -28,7 +28,7 @@ pub(crate) const NEAREST_CANDIDATES: usize = 3;
 pub(crate) const PROMISING_CANDIDATES: usize = 8;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Target {
+pub enum WalkTarget {
     Goal,
     Candidate(usize),
 }
@@ -38,7 +38,7 @@ pub enum Target {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Walker {
     route: Route,
-    target: Option<Target>,
+    target: Option<WalkTarget>,
     clock: u32,
     /// D to the target when it was chosen.
     distance: f32,
@@ -50,7 +50,7 @@ pub struct Walker {
     remaining: f32,
     strikes: u32,
     /// Late targets, and the step until which each is banned.
-    banned: Vec<(Target, u32)>,
+    banned: Vec<(WalkTarget, u32)>,
     /// The last candidate reached; `None` at the start and after a late target.
     at: Option<usize>,
     #[serde(skip)]
@@ -66,7 +66,7 @@ pub struct Hop {
     pub arrived: bool,
 }
 
-impl Target {
+impl WalkTarget {
     fn candidate(self) -> Option<usize> {
         match self {
             Self::Goal => None,
@@ -123,14 +123,14 @@ impl Walker {
         &self.route
     }
 
-    pub fn target(&self) -> Option<Target> {
+    pub fn target(&self) -> Option<WalkTarget> {
         self.target
     }
 
-    fn target_position<'a>(&'a self, graph: &'a BridgeGraph, target: Target) -> &'a [f32] {
+    fn target_position<'a>(&'a self, graph: &'a BridgeGraph, target: WalkTarget) -> &'a [f32] {
         match target {
-            Target::Goal => &self.route.goal,
-            Target::Candidate(i) => graph.point(i),
+            WalkTarget::Goal => &self.route.goal,
+            WalkTarget::Candidate(i) => graph.point(i),
         }
     }
 
@@ -150,8 +150,8 @@ impl Walker {
         // An open loop continues its single plan from the waypoint reached.
         let on_plan = self.at.filter(|_| settings.open_loop);
         let planned = on_plan.map(|at| match self.route.next[at] as usize {
-            last if last == at => Target::Goal,
-            next => Target::Candidate(next),
+            last if last == at => WalkTarget::Goal,
+            next => WalkTarget::Candidate(next),
         });
         let target = target.unwrap_or_else(|| {
             let (target, distance) = match planned {
@@ -171,7 +171,7 @@ impl Walker {
 
     /// Records a hop that ends in `state`. Returns the current target, unless it has been reached
     /// or given up.
-    fn keep_target(&mut self, state: &[f32], graph: &BridgeGraph) -> Option<Target> {
+    fn keep_target(&mut self, state: &[f32], graph: &BridgeGraph) -> Option<WalkTarget> {
         self.hop = None;
         let (current, settings) = (self.target?, &graph.candidates.settings);
         let reached = graph.candidates.spec.reached(state, self.target_position(graph, current));
@@ -182,7 +182,7 @@ impl Walker {
             self.hop = Some(Hop { from, to, distance: self.distance, arrived: reached });
         }
         match current {
-            Target::Candidate(i) if reached => {
+            WalkTarget::Candidate(i) if reached => {
                 self.remaining = self.route.costs[i];
                 self.strikes = 0;
                 self.at = Some(i);
@@ -213,7 +213,7 @@ impl Walker {
         graph: &BridgeGraph,
         policy: &dyn Policy,
         scratch: &mut Scratch,
-    ) -> (Target, f32) {
+    ) -> (WalkTarget, f32) {
         let nearby = graph.nearby(state, LINK_CANDIDATES);
         let promising = self.promising(state, &nearby, graph);
         let narrowed = promising.len() < nearby.len();
@@ -236,16 +236,17 @@ impl Walker {
             waypoint =
                 self.best_waypoint(state, &options, graph, true).or_else(|| unverified(self));
         }
-        let direct = options.direct.filter(|_| self.is_allowed(Target::Goal));
+        let direct = options.direct.filter(|_| self.is_allowed(WalkTarget::Goal));
         match (waypoint, direct) {
             (Some((_, total)), Some(direct)) if direct.cost <= total => {
-                (Target::Goal, options.to_goal)
+                (WalkTarget::Goal, options.to_goal)
             }
-            (Some((hop, _)), _) => (Target::Candidate(hop.candidate), hop.distance),
-            (None, Some(_)) => (Target::Goal, options.to_goal),
-            (None, None) => {
-                (Target::Goal, options.to_goal.min(graph.candidates.settings.window_steps() as f32))
-            }
+            (Some((hop, _)), _) => (WalkTarget::Candidate(hop.candidate), hop.distance),
+            (None, Some(_)) => (WalkTarget::Goal, options.to_goal),
+            (None, None) => (
+                WalkTarget::Goal,
+                options.to_goal.min(graph.candidates.settings.window_steps() as f32),
+            ),
         }
     }
 
@@ -274,7 +275,7 @@ impl Walker {
     /// Whether the way over candidate `i` leads on towards the goal, and is not banned.
     fn may_head_for(&self, state: &[f32], i: usize, graph: &BridgeGraph) -> bool {
         self.route.costs[i] < self.remaining
-            && self.is_allowed(Target::Candidate(i))
+            && self.is_allowed(WalkTarget::Candidate(i))
             && !graph.candidates.spec.reached(state, graph.point(i))
     }
 
@@ -303,13 +304,13 @@ impl Walker {
         usable.min_by(|a, b| key(a).total_cmp(&key(b)))
     }
 
-    fn is_allowed(&self, target: Target) -> bool {
+    fn is_allowed(&self, target: WalkTarget) -> bool {
         self.banned.iter().all(|(banned, _)| *banned != target)
     }
 
     /// Returns the waypoints still ahead, as candidates, in walking order.
     pub fn waypoints_ahead(&self) -> Vec<usize> {
-        let Some(Target::Candidate(mut at)) = self.target else { return Vec::new() };
+        let Some(WalkTarget::Candidate(mut at)) = self.target else { return Vec::new() };
         let mut ahead = vec![at];
         while self.route.next[at] as usize != at && ahead.len() <= self.route.next.len() {
             at = self.route.next[at] as usize;
@@ -499,9 +500,9 @@ mod tests {
     use crate::bridge::candidates::tests::{line, walked};
 
     /// D is the distance along both axes.
-    struct Straight;
+    struct BothAxes;
 
-    impl Policy for Straight {
+    impl Policy for BothAxes {
         fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
             let pairs = states.chunks_exact(2).zip(goals.chunks_exact(2));
             out.iter_mut()
@@ -513,7 +514,7 @@ mod tests {
     }
 
     fn graph(candidates: &Candidates) -> BridgeGraph {
-        BridgeGraph::build(&candidates.frozen(), &Straight, &mut Scratch::default())
+        BridgeGraph::build(&candidates.frozen(), &BothAxes, &mut Scratch::default())
     }
 
     #[test]
@@ -521,21 +522,21 @@ mod tests {
         let (.., mut candidates) = walked(200, 79.5);
         candidates.visit(0, &[84.0, 0.5], &[84.0, 0.5]);
         let (graph, mut scratch) = (graph(&candidates), Scratch::default());
-        let route = graph.route(&[85.0, 0.5], &Straight, &mut scratch);
+        let route = graph.route(&[85.0, 0.5], &BothAxes, &mut scratch);
         assert!(route.costs[0].is_infinite(), "{:?}", route.costs);
         let (mut walker, mut at) = (Walker::new(route), 2.0);
-        walker.step(&[at, 0.5], &graph, &Straight, &mut scratch);
-        assert!(matches!(walker.target(), Some(Target::Candidate(_))));
+        walker.step(&[at, 0.5], &graph, &BothAxes, &mut scratch);
+        assert!(matches!(walker.target(), Some(WalkTarget::Candidate(_))));
         assert!(walker.route().costs[0].is_finite());
         let bytes = crate::store::to_bytes(&walker).expect("numbers");
         walker = postcard::from_bytes(&bytes).expect("its own bytes");
         walker.restore(&graph).expect("its own graph");
         for _ in 0..100 {
-            let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
+            let aim = walker.step(&[at, 0.5], &graph, &BothAxes, &mut scratch)[0];
             at += (aim - at).clamp(-1.0, 1.0);
         }
         assert_eq!(at, 85.0);
-        let again = graph.route_by_unverified_links(walker.route(), &Straight, &mut scratch);
+        let again = graph.route_by_unverified_links(walker.route(), &BothAxes, &mut scratch);
         assert!(again.is_none(), "once is enough");
     }
 
@@ -544,13 +545,13 @@ mod tests {
         let (spec, settings) = line(200);
         let graph = graph(&Candidates::new(&spec, 1, &settings));
         let mut scratch = Scratch::default();
-        let mut walker = Walker::new(graph.route(&[99.0, 0.5], &Straight, &mut scratch));
+        let mut walker = Walker::new(graph.route(&[99.0, 0.5], &BothAxes, &mut scratch));
         let longest = late_after(settings.window_steps() as f32) as u32;
         for _ in 0..=longest {
             assert_eq!(walker.strikes, 0);
-            assert_eq!(walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0], 99.0);
+            assert_eq!(walker.step(&[1.0, 0.5], &graph, &BothAxes, &mut scratch)[0], 99.0);
         }
-        walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
+        walker.step(&[1.0, 0.5], &graph, &BothAxes, &mut scratch);
         assert_eq!(walker.strikes, 1);
     }
 
@@ -558,10 +559,10 @@ mod tests {
     fn bans_last_longer_the_longer_an_agent_is_stuck() {
         let (.., candidates) = walked(200, 39.5);
         let (graph, mut scratch) = (graph(&candidates), Scratch::default());
-        let mut walker = Walker::new(graph.route(&[39.0, 0.5], &Straight, &mut scratch));
+        let mut walker = Walker::new(graph.route(&[39.0, 0.5], &BothAxes, &mut scratch));
         let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
         while walker.strikes < 2 * BAN_STRIKES {
-            walker.step(&[5.0, 0.5], &graph, &Straight, &mut scratch);
+            walker.step(&[5.0, 0.5], &graph, &BothAxes, &mut scratch);
             // The clock already includes the step at which a target is late.
             let latest = walker.banned.last().map_or(0, |(_, until)| until + 1 - walker.clock);
             bans[walker.strikes as usize] = latest.max(bans[walker.strikes as usize]);

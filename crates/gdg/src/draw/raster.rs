@@ -13,7 +13,7 @@ pub struct Raster {
 
 /// What a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Ground {
+pub enum RasterPixel {
     /// Nothing: it lies outside the map.
     Outside,
     /// Nothing but wall.
@@ -50,7 +50,7 @@ impl Raster {
     }
 
     /// Returns what the pixel at `column` and `row` shows.
-    pub fn ground(&self, map: &Grid, column: usize, row: usize) -> Ground {
+    pub fn ground(&self, map: &Grid, column: usize, row: usize) -> RasterPixel {
         let [left, top, width, height] = self.window;
         let (columns, rows) = self.pixels;
         let along = |i: usize, n: usize, from: f32, size: f32| {
@@ -60,10 +60,10 @@ impl Raster {
         let (x0, x, x1) = along(column, columns, left, width);
         let (y0, y, y1) = along(row, rows, top, height);
         if !map.contains(Cell::new(x as usize, y as usize)) {
-            return Ground::Outside;
+            return RasterPixel::Outside;
         }
         if map.is_free_at(x, y) && x1 - x0 <= 1.0 {
-            return Ground::Free([x, y]);
+            return RasterPixel::Free([x, y]);
         }
         // A pixel covers the cells whose centres lie in it, and at least the one that contains its
         // own centre.
@@ -81,14 +81,14 @@ impl Raster {
         let off = |c: &[f32; 2]| (c[0] - x).powi(2) + (c[1] - y).powi(2);
         let all_free = cells.iter().zip(&free).filter(|(_, free)| **free).map(|(c, _)| c.centre());
         let Some(nearest) = all_free.min_by(|a, b| off(a).total_cmp(&off(b))) else {
-            return Ground::Wall;
+            return RasterPixel::Wall;
         };
         let count = free.iter().filter(|free| **free).count();
         let mostly_wall = 2 * count <= free.len();
         if mostly_wall || count < free.len() && is_crossed(&free, (columns, rows)) {
-            Ground::Crossed(nearest)
+            RasterPixel::Crossed(nearest)
         } else {
-            Ground::Free(nearest)
+            RasterPixel::Free(nearest)
         }
     }
 
@@ -103,8 +103,8 @@ impl Raster {
         let (columns, rows) = self.pixels;
         let free =
             (0..columns * rows).filter_map(|i| match self.ground(map, i % columns, i / columns) {
-                Ground::Free(position) | Ground::Crossed(position) => Some((i, position)),
-                Ground::Wall | Ground::Outside => None,
+                RasterPixel::Free(position) | RasterPixel::Crossed(position) => Some((i, position)),
+                RasterPixel::Wall | RasterPixel::Outside => None,
             });
         free.unzip()
     }
@@ -122,7 +122,7 @@ impl Raster {
         let Some((column, row)) = self.pixel_of(at).filter(|_| map.is_free_at(at[0], at[1])) else {
             return at;
         };
-        if matches!(self.ground(map, column, row), Ground::Free(_)) {
+        if matches!(self.ground(map, column, row), RasterPixel::Free(_)) {
             return at;
         }
         let cell = at.map(f32::floor);
@@ -136,7 +136,7 @@ impl Raster {
             columns.map(move |column| (column, row))
         });
         let floor = around.filter_map(|(column, row)| match self.ground(map, column, row) {
-            Ground::Free(shown) => Some((off(shown), row * self.pixels.0 + column)),
+            RasterPixel::Free(shown) => Some((off(shown), row * self.pixels.0 + column)),
             _ => None,
         });
         let nearest = floor.min_by(|((a_is_elsewhere, a), _), ((b_is_elsewhere, b), _)| {
@@ -201,10 +201,10 @@ mod tests {
         let map = parse_map("map", text.as_bytes()).expect("a map");
         let raster = Raster { window: [0.0, 0.0, map.width() as f32, map.height() as f32], pixels };
         let sign = |i: usize| match raster.ground(&map, i % pixels.0, i / pixels.0) {
-            Ground::Outside => ' ',
-            Ground::Wall => '#',
-            Ground::Crossed(_) => '+',
-            Ground::Free(_) => '.',
+            RasterPixel::Outside => ' ',
+            RasterPixel::Wall => '#',
+            RasterPixel::Crossed(_) => '+',
+            RasterPixel::Free(_) => '.',
         };
         (0..pixels.0 * pixels.1).map(sign).collect()
     }
@@ -233,7 +233,10 @@ mod tests {
                 let shown = raster.on_floor(&map, at);
                 let (column, row) = raster.pixel_of(shown).expect("on the map");
                 let ground = raster.ground(&map, column, row);
-                assert!(matches!(ground, Ground::Free(_)), "{at:?} at {shown:?} of {pixels:?}");
+                assert!(
+                    matches!(ground, RasterPixel::Free(_)),
+                    "{at:?} at {shown:?} of {pixels:?}"
+                );
                 assert!((0..2).all(|axis| (shown[axis] - at[axis]).abs() < 1.0), "{at:?}: near");
                 moved += usize::from(shown != at);
             }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::snapshot::{Phase, Snapshot, Step};
-use super::{Worker, session};
+use super::{TrainingThread, session};
 use crate::env::{EnvError, Environment};
 use crate::files;
 use crate::job::Job;
@@ -23,7 +23,7 @@ const MAX_NAMED_CHANGES: usize = 3;
 pub type MakeWorld =
     Box<dyn FnOnce(&dyn Environment) -> Result<Box<dyn Environment>, EnvError> + Send>;
 
-pub enum Command {
+pub enum EngineCommand {
     Pause,
     /// Resume training; lifts the limits if they have been reached.
     Resume,
@@ -46,7 +46,7 @@ pub enum Command {
     Load(PathBuf),
 }
 
-type Outcome = Result<String, Box<dyn Error>>;
+type CommandResult = Result<String, Box<dyn Error>>;
 
 /// Parts of starting a run: its world is made, then its trainer, data are learned from, and its
 /// state is captured.
@@ -76,18 +76,18 @@ fn changes(before: &Run, after: &Run) -> String {
     if all.is_empty() { "changed".to_owned() } else { all.join(", ") }
 }
 
-fn activity(command: &Command) -> &'static str {
+fn activity(command: &EngineCommand) -> &'static str {
     match command {
-        Command::Save(..) | Command::Autosave(..) => "saving",
-        Command::ChangeWorld(..) => "applying the edit",
-        Command::Change(..) => "changing settings",
-        Command::StartRun(..) | Command::Load(..) => "opening the run",
+        EngineCommand::Save(..) | EngineCommand::Autosave(..) => "saving",
+        EngineCommand::ChangeWorld(..) => "applying the edit",
+        EngineCommand::Change(..) => "changing settings",
+        EngineCommand::StartRun(..) | EngineCommand::Load(..) => "opening the run",
         _ => "following a command",
     }
 }
 
-impl Worker {
-    fn change_world(&mut self, world: &dyn Environment, done: &str) -> Outcome {
+impl TrainingThread {
+    fn change_world(&mut self, world: &dyn Environment, done: &str) -> CommandResult {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
         self.current.edits = Arc::new(self.trainer.history().edits().to_vec());
@@ -104,7 +104,7 @@ impl Worker {
         Ok(format!("{done}{}{removed}{warning}", change.summary))
     }
 
-    fn change(&mut self, run: Run) -> Outcome {
+    fn change(&mut self, run: Run) -> CommandResult {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let what = changes(self.trainer.run(), &run);
         let kept = self.trainer.change_run(run)?;
@@ -146,7 +146,7 @@ impl Worker {
         self.refresh_snapshot(true)
     }
 
-    fn save(&mut self, to: SaveTo, notes: Notes) -> Outcome {
+    fn save(&mut self, to: SaveTo, notes: Notes) -> CommandResult {
         // The front end may not know yet which file its previous save went to.
         let to = match (&self.new_file, to) {
             (Some((requested, written_to)), SaveTo::CreateNew(path)) if *requested == path => {
@@ -169,7 +169,7 @@ impl Worker {
         Ok(text)
     }
 
-    fn autosave(&mut self, named_after: &Path, notes: Notes) -> Outcome {
+    fn autosave(&mut self, named_after: &Path, notes: Notes) -> CommandResult {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let stem = without_autosave_suffix(&stem);
         let updates = self.trainer.counters().updates;
@@ -210,9 +210,9 @@ impl Worker {
     }
 
     /// Runs a command. A panic is reported, and the run is repaired as far as possible.
-    pub(super) fn execute(&mut self, command: Command) {
+    pub(super) fn execute(&mut self, command: EngineCommand) {
         let _activity = self.job.part(activity(&command));
-        let saves = matches!(command, Command::Save(..));
+        let saves = matches!(command, EngineCommand::Save(..));
         match catch_unwind(AssertUnwindSafe(|| self.outcome(command))) {
             Ok(Ok(Some(text))) => self.notify(sanitized(&text)),
             Ok(Ok(None)) => {}
@@ -228,59 +228,61 @@ impl Worker {
         self.publish();
     }
 
-    fn outcome(&mut self, command: Command) -> Result<Option<String>, Box<dyn Error>> {
+    fn outcome(&mut self, command: EngineCommand) -> Result<Option<String>, Box<dyn Error>> {
         let text = match command {
-            Command::Pause if self.current.phase.is_training() => {
+            EngineCommand::Pause if self.current.phase.is_training() => {
                 self.current.phase = Phase::Paused;
                 self.refresh_snapshot(true)?;
                 return Ok(None);
             }
-            Command::Resume if !self.current.phase.is_training() => {
+            EngineCommand::Resume if !self.current.phase.is_training() => {
                 if self.current.phase == Phase::Done {
                     self.current.limits = Limits::default();
                 }
                 self.current.phase = Phase::Running;
                 return Ok(None);
             }
-            Command::Step(step) if self.current.phase == Phase::Paused => {
+            EngineCommand::Step(step) if self.current.phase == Phase::Paused => {
                 self.current.phase = Phase::Stepping(step);
                 return Ok(None);
             }
-            Command::Step(_) if self.current.phase == Phase::Done => {
+            EngineCommand::Step(_) if self.current.phase == Phase::Done => {
                 "no step: the limit is reached".to_owned()
             }
-            Command::Step(_) if !self.current.phase.is_training() => {
+            EngineCommand::Step(_) if !self.current.phase.is_training() => {
                 "no step: training has stopped".to_owned()
             }
-            Command::Pause | Command::Resume | Command::Step(_) => return Ok(None),
-            Command::LimitSpeed(speed) => {
+            EngineCommand::Pause | EngineCommand::Resume | EngineCommand::Step(_) => {
+                return Ok(None);
+            }
+            EngineCommand::LimitSpeed(speed) => {
                 (self.current.speed, self.next_update_at) = (speed.filter(|s| *s > 0.0), None);
                 return Ok(None);
             }
-            Command::PauseEvaluations(factor) => {
+            EngineCommand::PauseEvaluations(factor) => {
                 self.evaluation_pause = factor;
                 return Ok(None);
             }
-            Command::Evaluate if self.start_evaluation()? => "evaluating ...".to_owned(),
-            Command::Evaluate => "an evaluation is already running".to_owned(),
-            Command::Save(to, notes) => self.save(to, notes)?,
-            Command::Autosave(named_after, notes) => self.autosave(&named_after, notes)?,
-            Command::ChangeWorld(make, done) => {
+            EngineCommand::Evaluate if self.start_evaluation()? => "evaluating ...".to_owned(),
+            EngineCommand::Evaluate => "an evaluation is already running".to_owned(),
+            EngineCommand::Save(to, notes) => self.save(to, notes)?,
+            EngineCommand::Autosave(named_after, notes) => self.autosave(&named_after, notes)?,
+            EngineCommand::ChangeWorld(make, done) => {
                 let world = make(self.trainer.world())?;
                 self.change_world(&*world, done)?
             }
-            Command::Change(run) => self.change(*run)?,
-            Command::StartRun(run, make) => {
+            EngineCommand::Change(run) => self.change(*run)?,
+            EngineCommand::StartRun(run, make) => {
                 self.opening().begin(0, START_STAGES);
                 let world = make(self.trainer.world())?;
                 self.start_run(*run, &*world)?
             }
-            Command::Load(path) => self.load(path)?,
+            EngineCommand::Load(path) => self.load(path)?,
         };
         Ok(Some(text))
     }
 
-    fn start_run(&mut self, run: Run, world: &dyn Environment) -> Outcome {
+    fn start_run(&mut self, run: Run, world: &dyn Environment) -> CommandResult {
         let progress = self.opening();
         progress.begin(1, START_STAGES);
         let registry = self.trainer.registry();
@@ -303,7 +305,7 @@ impl Worker {
         self.job.latest_part().unwrap_or_default()
     }
 
-    fn load(&mut self, path: PathBuf) -> Outcome {
+    fn load(&mut self, path: PathBuf) -> CommandResult {
         let progress = self.opening();
         let (registry, threads) = (self.trainer.registry(), self.trainer.threads());
         let loaded = train::load_with(&path, registry, threads, &progress);

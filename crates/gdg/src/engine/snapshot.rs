@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::{EVALUATE_EVERY_UPDATES, Worker};
+use super::{EVALUATE_EVERY_UPDATES, TrainingThread};
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::WorldScene;
 use crate::job::Job;
@@ -55,7 +55,7 @@ impl NextEvaluation {
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Notice {
+pub struct EngineNotice {
     /// The number of notices so far, including this one.
     pub number: u64,
     pub text: String,
@@ -117,7 +117,7 @@ pub struct Snapshot {
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
     pub next_evaluation: NextEvaluation,
     pub evaluation_progress: Job,
-    pub notice: Notice,
+    pub notice: EngineNotice,
 }
 
 pub struct Networks {
@@ -174,7 +174,7 @@ impl Snapshot {
             autosaves: Arc::default(),
             evaluation_progress: Job::default(),
             next_evaluation: NextEvaluation::after(trainer),
-            notice: Notice::default(),
+            notice: EngineNotice::default(),
         };
         snapshot.update(trainer);
         Ok(snapshot)
@@ -309,7 +309,7 @@ fn seconds_left(trainer: &Trainer, limits: &Limits, at_most: Option<f64>) -> Opt
     Some(slowed * pace.seconds_left(limits)?)
 }
 
-impl Worker {
+impl TrainingThread {
     pub(super) fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
         timer.published = Instant::now();
         let networks = timer.published >= timer.refresh_networks_at;

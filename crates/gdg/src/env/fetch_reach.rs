@@ -10,8 +10,8 @@
 mod arm;
 mod constraints;
 mod dynamics;
+mod geometry;
 mod model;
-mod scene;
 
 use std::sync::Arc;
 
@@ -26,9 +26,9 @@ use super::{
 };
 use arm::{Arm, STEP_SECS};
 use constraints::ConstraintRows;
+pub use geometry::{ArmScene, Corners, Pose, ProbeLattice};
+use geometry::{film_probes, random_goal};
 use model::GOAL_CENTRE;
-pub use scene::{ArmScene, Corners, Pose, ProbeLattice};
-use scene::{film_probes, random_goal};
 
 /// Registry entry of the arm.
 pub const KIND: WorldKind = WorldKind {

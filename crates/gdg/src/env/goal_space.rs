@@ -1,5 +1,5 @@
-//! The space of goals: what front ends draw of a world that they know nothing else about; and the walls
-//! of a maze that somebody else simulates, for goals and for a picture.
+//! The space of goals, which front ends draw where they know nothing else about a world; and the
+//! walls of a maze that another program simulates.
 
 use std::fmt;
 use std::sync::Arc;

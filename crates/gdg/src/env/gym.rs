@@ -8,8 +8,8 @@
 
 mod abilities;
 mod facts;
-mod pool;
 mod worker;
+mod worker_pool;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,10 +24,10 @@ use super::{Abilities, EnvError, EnvSettings, Environment, Spec, Walls, WorldKin
 use crate::job::Job;
 use crate::store::{Store, StoreError};
 use crate::text::counted;
-use facts::Found;
-use pool::Pool;
-pub use pool::{Address, GymOptions};
-use worker::{Description, REST, Worker, failed};
+use facts::EnvFacts;
+use worker::{EnvDescription, GymWorker, REST, failed};
+use worker_pool::Pool;
+pub use worker_pool::{Address, GymOptions};
 
 /// Registry entry of the environments of Gymnasium.
 pub const KIND: WorldKind = WorldKind {
@@ -60,8 +60,8 @@ const NO_TASK: f64 = 0.0;
 #[derive(Serialize, Deserialize)]
 struct Stored {
     address: Address,
-    found: Found,
-    about: Description,
+    found: EnvFacts,
+    about: EnvDescription,
 }
 
 /// How an agent has come to where it is.
@@ -95,7 +95,7 @@ pub struct Gym {
     pool: Arc<Pool>,
     noise: f32,
     /// Workers, and the agents in the environments of each.
-    workers: Mutex<Vec<(Worker, Range<usize>)>>,
+    workers: Mutex<Vec<(GymWorker, Range<usize>)>>,
     /// `(agents, state_dim)`.
     states: Vec<f32>,
     ended: Vec<bool>,
@@ -135,7 +135,7 @@ impl Gym {
     }
 
     /// Returns this world with agents that have not begun yet, in these workers.
-    fn with_agents(&self, workers: Vec<(Worker, Range<usize>)>, agents: usize) -> Self {
+    fn with_agents(&self, workers: Vec<(GymWorker, Range<usize>)>, agents: usize) -> Self {
         let mut world = Self::without_agents(self.pool.clone(), self.is_open);
         world.noise = self.noise;
         *world.workers.get_mut() = workers;
@@ -213,7 +213,7 @@ impl Gym {
     fn with_worker<R>(
         &mut self,
         agent: usize,
-        act: impl FnOnce(&mut Worker, usize) -> Result<R, EnvError>,
+        act: impl FnOnce(&mut GymWorker, usize) -> Result<R, EnvError>,
     ) -> Result<R, EnvError> {
         self.check()?;
         let found = self.workers.get_mut().iter_mut().find(|(_, agents)| agents.contains(&agent));

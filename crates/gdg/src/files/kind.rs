@@ -13,7 +13,7 @@ const MAX_SAFETENSORS_HEADER: u64 = 100_000_000;
 
 /// The formats that this program reads, and everything else.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum FileFormat {
     /// A map in Moving AI format.
     Map,
     /// Tasks in Moving AI format.
@@ -38,7 +38,7 @@ pub struct Wanted {
     /// What to give instead.
     pub help: &'static str,
     /// The formats whose errors the reader explains itself.
-    pub own: &'static [Format],
+    pub own: &'static [FileFormat],
 }
 
 /// A file of another kind than expected.
@@ -72,7 +72,7 @@ impl Wanted {
 }
 
 /// A recognised file: what it is, with an article.
-type Kind = (&'static str, Format, Advice);
+type Kind = (&'static str, FileFormat, Advice);
 
 /// Advice for a kind of file, whatever was wanted.
 #[derive(Clone, Copy)]
@@ -115,7 +115,7 @@ fn kind(start: &[u8]) -> Option<Kind> {
     let prefixed = || FOREIGN.iter().find(|(first, ..)| start.starts_with(first));
     wide_text(start)
         .or_else(|| own_binary(start))
-        .or_else(|| prefixed().map(|(_, name, advice)| (*name, Format::Foreign, *advice)))
+        .or_else(|| prefixed().map(|(_, name, advice)| (*name, FileFormat::Foreign, *advice)))
         .or_else(|| own_text(start))
         .or_else(|| {
             // The last character may be cut off.
@@ -124,7 +124,7 @@ fn kind(start: &[u8]) -> Option<Kind> {
             let is_text = chunk.valid().len() + 4 > start.len()
                 && !chunk.valid().trim().is_empty()
                 && chunk.valid().chars().all(is_plain);
-            is_text.then_some(("a text file", Format::Text, Advice::None))
+            is_text.then_some(("a text file", FileFormat::Text, Advice::None))
         })
 }
 
@@ -137,7 +137,7 @@ fn wide_text(start: &[u8]) -> Option<Kind> {
     let is_wide = start.starts_with(b"\xff\xfe")
         || start.starts_with(b"\xfe\xff")
         || characters.len() > 1 && characters.iter().all(is_latin);
-    is_wide.then_some(("text in UTF-16", Format::Foreign, Advice::Instead(HELP)))
+    is_wide.then_some(("text in UTF-16", FileFormat::Foreign, Advice::Instead(HELP)))
 }
 
 fn own_binary(start: &[u8]) -> Option<Kind> {
@@ -146,13 +146,13 @@ fn own_binary(start: &[u8]) -> Option<Kind> {
         && header.starts_with(b"{")
     {
         let advice = Advice::First("gdg-tui --resume FILE resumes a checkpoint");
-        return Some(("a safetensors file", Format::Safetensors, advice));
+        return Some(("a safetensors file", FileFormat::Safetensors, advice));
     }
     // The name of its first file begins at byte 30, and its length is at 26.
     let length = usize::from(u16::from_le_bytes(*start.get(26..)?.first_chunk()?));
     let is_npz = start.starts_with(b"PK\x03\x04")
         && start.get(30..30 + length).is_some_and(|name| name.ends_with(b".npy"));
-    is_npz.then_some(("an archive of NumPy arrays (npz)", Format::Npz, NUMPY))
+    is_npz.then_some(("an archive of NumPy arrays (npz)", FileFormat::Npz, NUMPY))
 }
 
 /// Recognises the text formats of this program, pointers to other files, and web pages.
@@ -164,31 +164,31 @@ fn own_text(start: &[u8]) -> Option<Kind> {
     Some(match (words.next()?, words.next().unwrap_or_default()) {
         ("version", address) if address.starts_with("https://") => (
             "a Git LFS pointer, which stands for the file",
-            Format::Foreign,
+            FileFormat::Foreign,
             Advice::Instead(
                 "run 'git lfs pull' in its repository, which puts the file itself in its place",
             ),
         ),
         (path, _) if path.contains("/annex/objects/") => (
             "a git-annex pointer, which stands for the file",
-            Format::Foreign,
+            FileFormat::Foreign,
             Advice::Instead("run 'git annex get FILE', which puts the file itself in its place"),
         ),
-        ("version", _) => ("a scenario", Format::Scenario, Advice::None),
-        ("type", "octile") => ("a map in Moving AI format", Format::Map, Advice::None),
+        ("version", _) => ("a scenario", FileFormat::Scenario, Advice::None),
+        ("type", "octile") => ("a map in Moving AI format", FileFormat::Map, Advice::None),
         _ if text.starts_with('<') && (has("<html") || has("<!doctype html")) => (
             "a web page (HTML)",
-            Format::Foreign,
+            FileFormat::Foreign,
             Advice::Instead(
                 "open it in a browser: it may say why the file could not be downloaded",
             ),
         ),
-        _ if text.starts_with('<') => ("XML", Format::Foreign, Advice::None),
-        _ if text.starts_with('{') => ("JSON", Format::Json, Advice::None),
+        _ if text.starts_with('<') => ("XML", FileFormat::Foreign, Advice::None),
+        _ if text.starts_with('{') => ("JSON", FileFormat::Json, Advice::None),
         _ if text.starts_with('[')
             && text[1..].trim_start().starts_with(['[', '{', '"', '0', '1']) =>
         {
-            ("JSON", Format::Json, Advice::None)
+            ("JSON", FileFormat::Json, Advice::None)
         }
         _ => return None,
     })

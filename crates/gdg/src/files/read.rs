@@ -1,4 +1,4 @@
-//! Reads regular files of bounded size, and knows when one has been replaced since.
+//! Reads regular files of bounded size, and detects when one has been replaced.
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};

@@ -21,7 +21,7 @@ const STALE_AFTER: Duration = Duration::from_secs(5);
 /// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an
 /// existing file's permissions; a write-protected file is not replaced.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    Target::resolve(path)?.write(bytes, replace)
+    WriteTarget::resolve(path)?.write(bytes, replace)
 }
 
 /// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path
@@ -29,7 +29,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     loop {
         let free = unused_path(path);
-        match Target::resolve(&free)?.write(bytes, place) {
+        match WriteTarget::resolve(&free)?.write(bytes, place) {
             // Another program took this name first.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             written => return written.map(|()| free),
@@ -47,7 +47,7 @@ pub fn unused_path(path: &Path) -> PathBuf {
 /// Checks that a file can be written at `path` right now, in a folder that may have to be created:
 /// writes one of the same name into a temporary folder there. Changes nothing.
 pub fn check_writable(path: &Path) -> Result<()> {
-    let target = Target::resolve(path)?;
+    let target = WriteTarget::resolve(path)?;
     let existing = target.folder.ancestors().find(|folder| folder.exists());
     let existing = existing.filter(|folder| !folder.as_os_str().is_empty());
     let scratch = tempfile::Builder::new()
@@ -57,12 +57,12 @@ pub fn check_writable(path: &Path) -> Result<()> {
         .map_err(unnamed)?;
     let folder = scratch.path().to_owned();
     let path = folder.join(target.path.file_name().unwrap_or_default());
-    Target { path, folder, ..target }.write(b"gdg-tui", replace).map_err(unnamed)
+    WriteTarget { path, folder, ..target }.write(b"gdg-tui", replace).map_err(unnamed)
 }
 
 /// Checks, without writing, that a file may be written at `path`: its name, and what exists there.
 pub fn check_name(path: &Path) -> Result<()> {
-    Target::resolve(path).map(drop)
+    WriteTarget::resolve(path).map(drop)
 }
 
 /// Moves a temporary file to `path`; replaces the file there.
@@ -84,13 +84,13 @@ fn place(file: NamedTempFile, path: &Path) -> Result<()> {
 }
 
 /// A file to be written: its path with links resolved, and the metadata of the existing file.
-struct Target {
+struct WriteTarget {
     path: PathBuf,
     folder: PathBuf,
     existing: Option<Metadata>,
 }
 
-impl Target {
+impl WriteTarget {
     fn resolve(path: &Path) -> Result<Self> {
         let path = resolve_links(path)?;
         let Some(name) = path.file_name() else {

@@ -10,10 +10,10 @@ use crate::job::Job;
 use crate::learn::data::known::{KnownDistances, Relearning};
 use crate::learn::data::replay::Replay;
 use crate::learn::error::LearnError;
-use crate::learn::networks::export::{ActorExport, CriticsExport};
+use crate::learn::networks::named_arrays::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
-use crate::learn::update::report::{Losses, Profile};
+use crate::learn::update::profile::{Losses, Profile};
 use crate::learn::update::threads::Threads;
 use crate::store::Store;
 

@@ -28,19 +28,19 @@ use crate::learn::data::graph_paths::follow_graph;
 use crate::learn::data::hard_pairs::{imagine_walks, short_pairs};
 use crate::learn::error::LearnError;
 use crate::learn::learner::{Acting, Learner, LearnerKind, TrainingData};
-use crate::learn::networks::export::{ActorExport, CriticsExport};
+use crate::learn::networks::named_arrays::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::{Policy, Scratch};
 use crate::learn::networks::returns::Reward;
 use crate::learn::networks::shapes::{Critics, Shapes};
 use crate::learn::settings::LearnSettings;
-use crate::learn::update::report::{Losses, Profile, Stage};
+use crate::learn::update::profile::{Losses, Profile, TrainingPhase};
 use crate::learn::update::threads::Threads;
-use crate::learn::update::training::Training;
+use crate::learn::update::trained_networks::Training;
 use crate::store::{Store, StoreError};
 
 /// How the learners differ.
 #[derive(Clone, Copy, Debug)]
-pub struct Variant {
+pub struct LearnerVariant {
     name: &'static str,
     about: &'static str,
     /// Prefix of the networks' names in checkpoints. Variants with the same prefix can continue
@@ -52,7 +52,7 @@ pub struct Variant {
 }
 
 /// Goal-distance gradient.
-pub const GDG: Variant = Variant {
+pub const GDG: LearnerVariant = LearnerVariant {
     name: "gdg",
     about: "trains an actor through a distance critic and a dynamics model",
     prefix: "",
@@ -60,7 +60,7 @@ pub const GDG: Variant = Variant {
     hindsight: true,
     acting: Acting::Policy,
 };
-const DDPG: Variant = Variant {
+const DDPG: LearnerVariant = LearnerVariant {
     name: "ddpg",
     about: "deep deterministic policy gradient; -1 a step up to the goal",
     prefix: "ddpg.",
@@ -70,9 +70,9 @@ const DDPG: Variant = Variant {
 };
 
 /// All variants.
-pub const VARIANTS: [Variant; 6] = [
+pub const VARIANTS: [LearnerVariant; 6] = [
     GDG,
-    Variant {
+    LearnerVariant {
         name: "gdg-distance",
         about: "gdg with D given as the straight line; learns model and actor",
         prefix: "gdg-distance.",
@@ -80,20 +80,20 @@ pub const VARIANTS: [Variant; 6] = [
         ..GDG
     },
     DDPG,
-    Variant {
+    LearnerVariant {
         name: "her",
         about: "ddpg with hindsight experience replay",
         hindsight: true,
         ..DDPG
     },
-    Variant {
+    LearnerVariant {
         name: "ddpg-distance",
         about: "ddpg rewarded by minus the straight-line distance",
         prefix: "ddpg-distance.",
         critics: Critics::Value(Reward::Distance),
         ..DDPG
     },
-    Variant {
+    LearnerVariant {
         name: "random",
         about: "random actions without learning",
         acting: Acting::AtRandom,
@@ -114,7 +114,7 @@ pub const fn kind<const V: usize>() -> LearnerKind {
     }
 }
 
-impl Variant {
+impl LearnerVariant {
     #[cfg(test)]
     pub fn is_random(self) -> bool {
         self.acting == Acting::AtRandom
@@ -127,7 +127,7 @@ impl Variant {
 
 /// The networks of a built-in learner, and everything needed to train them.
 pub struct NetworkLearner {
-    variant: Variant,
+    variant: LearnerVariant,
     sampler: BatchSampler,
     /// Inference buffers for what the bridge graph adds to batches.
     scratch: Scratch,
@@ -141,7 +141,7 @@ impl NetworkLearner {
     /// # Errors
     /// A tensor operation fails.
     pub fn new(
-        variant: Variant,
+        variant: LearnerVariant,
         spec: &Spec,
         settings: &LearnSettings,
         threads: impl Into<Threads>,
@@ -211,7 +211,7 @@ impl Learner for NetworkLearner {
         }
         let (began, job) = (Instant::now(), data.job);
         self.sample(data)?;
-        profile.lap(Stage::Sample, began);
+        profile.lap(TrainingPhase::Sample, began);
         Ok(self.training.update(Some(job), profile)?)
     }
 
@@ -236,7 +236,7 @@ impl Learner for NetworkLearner {
 
     fn export_critics(&self, averaged: bool) -> Result<Option<CriticsExport>, LearnError> {
         let shapes = self.training.shapes();
-        let Variant { acting, critics, .. } = self.variant;
+        let LearnerVariant { acting, critics, .. } = self.variant;
         let export = || {
             let critics = (0..shapes.critics).map(|k| self.training.network(k));
             CriticsExport::of(shapes, critics, self.training.network(shapes.critics), averaged)

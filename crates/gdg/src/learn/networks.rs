@@ -1,10 +1,10 @@
 //! Networks: their inputs and weights, what they compute together, and policies.
 
 pub mod encoder;
-pub mod export;
-pub mod grid;
+pub mod grid_encoding;
 pub mod lookahead;
 pub mod mlp;
+pub mod named_arrays;
 pub mod network;
 pub mod policy;
 pub mod returns;

@@ -7,7 +7,7 @@ use crate::env::Spec;
 use crate::learn::data::batch::{
     Batch, RAISE_FACTOR, RAISE_STEPS, STUCK_BOUND, STUCK_PROGRESS_STEPS,
 };
-use crate::learn::networks::grid::CHANNELS;
+use crate::learn::networks::grid_encoding::CHANNELS;
 use crate::learn::networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
@@ -16,13 +16,13 @@ use crate::learn::settings::LossScale;
 use crate::learn::update::actor::{EXCESS_WEIGHT, WAY_OUT_WEIGHT};
 use crate::learn::update::losses::LARGEST_ERROR;
 use crate::learn::update::parts::{mispredicted, parts_of, rows_of_part};
-use crate::learn::update::training::Training;
+use crate::learn::update::trained_networks::Training;
 
-type Row = Vec<f64>;
+type Vector = Vec<f64>;
 
 /// A network's flat parameters and grid table.
 #[derive(Clone, Default)]
-pub struct Net(pub [Row; 2]);
+pub struct Net(pub [Vector; 2]);
 
 impl Net {
     pub fn copied(network: &Network, averaged: bool) -> Self {
@@ -31,15 +31,15 @@ impl Net {
     }
 }
 
-pub fn wide(numbers: &[f32]) -> Row {
+pub fn wide(numbers: &[f32]) -> Vector {
     numbers.iter().map(|number| f64::from(*number)).collect()
 }
 
-fn row(numbers: &[f32], i: usize, width: usize) -> Row {
+fn row(numbers: &[f32], i: usize, width: usize) -> Vector {
     wide(&numbers[i * width..(i + 1) * width])
 }
 
-pub fn mlp(shape: &Mlp, parameters: &[f64], x: &[f64]) -> Row {
+pub fn mlp(shape: &Mlp, parameters: &[f64], x: &[f64]) -> Vector {
     let mut h = x.to_vec();
     for layer in 0..shape.layers {
         let (w, bias) = (&parameters[shape.weights(layer)], &parameters[shape.bias(layer)]);
@@ -59,7 +59,7 @@ fn softplus(z: f64) -> f64 {
 }
 
 /// What the actor is pulled to in one row: its bound, and the outputs of a way out.
-pub type Pull = (f64, Option<Row>);
+pub type Pull = (f64, Option<Vector>);
 
 /// Networks by their weights.
 pub struct Reference<'a> {
@@ -93,7 +93,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Returns the Fourier features and, apart from them, the grid encoding of a scaled position.
-    fn features(&self, net: &Net, u: &[f64]) -> [Row; 2] {
+    fn features(&self, net: &Net, u: &[f64]) -> [Vector; 2] {
         let octaves = 0..self.shapes.encoder.octaves as i32;
         let angles = u.iter().flat_map(|u| octaves.clone().map(move |l| PI * 2f64.powi(l) * u));
         let fourier = angles.flat_map(|angle| [angle.sin(), angle.cos()]).collect();
@@ -121,17 +121,17 @@ impl<'a> Reference<'a> {
 
     /// Returns the inputs of a state, with and without those that depend on the network, and its
     /// scaled position.
-    fn state_inputs(&self, net: &Net, state: &[f64]) -> [Row; 2] {
-        let u: Row = state.iter().enumerate().map(|(i, s)| self.scaled(i, *s)).collect();
-        let at: Row = self.spec().achieved.iter().map(|i| u[*i]).collect();
+    fn state_inputs(&self, net: &Net, state: &[f64]) -> [Vector; 2] {
+        let u: Vector = state.iter().enumerate().map(|(i, s)| self.scaled(i, *s)).collect();
+        let at: Vector = self.spec().achieved.iter().map(|i| u[*i]).collect();
         let [fourier, encoded] = self.features(net, &at);
         [[u, fourier].concat(), encoded]
     }
 
-    fn pair_inputs(&self, net: &Net, state: &[f64], goal: &[f64]) -> Row {
+    fn pair_inputs(&self, net: &Net, state: &[f64], goal: &[f64]) -> Vector {
         let achieved = &self.spec().achieved;
         let [of_state, at_state] = self.state_inputs(net, state);
-        let w: Row = achieved.iter().zip(goal).map(|(i, g)| self.scaled(*i, *g)).collect();
+        let w: Vector = achieved.iter().zip(goal).map(|(i, g)| self.scaled(*i, *g)).collect();
         let [fourier, at_goal] = self.features(net, &w);
         let rates = &self.shapes.encoder.relative;
         let offsets = achieved.iter().zip(goal).flat_map(|(i, g)| {
@@ -160,16 +160,16 @@ impl<'a> Reference<'a> {
     }
 
     /// Returns the actor's outputs before tanh.
-    fn outputs(&self, actor: &Net, state: &[f64], goal: &[f64]) -> Row {
+    fn outputs(&self, actor: &Net, state: &[f64], goal: &[f64]) -> Vector {
         mlp(&self.shapes.actor, &actor.0[0], &self.pair_inputs(actor, state, goal))
     }
 
-    pub fn action(&self, state: &[f64], goal: &[f64]) -> Row {
+    pub fn action(&self, state: &[f64], goal: &[f64]) -> Vector {
         self.outputs(&self.actor, state, goal).into_iter().map(f64::tanh).collect()
     }
 
     /// Returns f(s, a) by a model.
-    pub fn prediction(&self, model: &Net, state: &[f64], action: &[f64]) -> Row {
+    pub fn prediction(&self, model: &Net, state: &[f64], action: &[f64]) -> Vector {
         let [plain, encoded] = self.state_inputs(model, state);
         let x = [plain, encoded, action.to_vec()].concat();
         let change = mlp(&self.shapes.model, &model.0[0], &x).into_iter();
@@ -177,13 +177,13 @@ impl<'a> Reference<'a> {
         change.zip(scales).zip(state).map(|((z, scale), s)| s + z * scale).collect()
     }
 
-    fn state_and_goals(&self, batch: &Batch, i: usize) -> [Row; 3] {
+    fn state_and_goals(&self, batch: &Batch, i: usize) -> [Vector; 3] {
         let (s, g) = (self.spec().state_dim(), self.spec().goal_dim());
         [row(&batch.states, i, s), row(&batch.goals, i, g), row(&batch.actor_goals, i, g)]
     }
 
     /// Returns the targets of a batch; these networks are the averaged ones.
-    pub fn targets(&self, batch: &Batch) -> Row {
+    pub fn targets(&self, batch: &Batch) -> Vector {
         let (s, a) = (self.spec().state_dim(), self.spec().action_dim);
         let errors = |i: usize| {
             let errors = self.model_errors(&self.model, batch, i);
@@ -204,7 +204,7 @@ impl<'a> Reference<'a> {
             let (ahead, is_end) = (row(&batch.bootstrap_states, i, s), batch.bootstrap[i] == 0.0);
             if let Some(returns) = &self.shapes.returns {
                 let noisy = self.action(&ahead, &goal).into_iter().zip(row(&batch.noise, i, a));
-                let action: Row = noisy.map(|(a, noise)| (a + noise).clamp(-1.0, 1.0)).collect();
+                let action: Vector = noisy.map(|(a, noise)| (a + noise).clamp(-1.0, 1.0)).collect();
                 let values = self.critics.iter().map(|c| self.value(c, &ahead, &action, &goal));
                 let least = values.fold(f64::INFINITY, f64::min);
                 let rest = if is_end { 0.0 } else { f64::from(returns.discount) * least };
@@ -311,7 +311,7 @@ impl<'a> Reference<'a> {
         for (i, (bound, way)) in pulls.iter().enumerate() {
             let [state, goal, towards] = self.state_and_goals(batch, i);
             let z = self.outputs(actor, &state, &goal);
-            let action: Row = z.iter().map(|z| z.tanh()).collect();
+            let action: Vector = z.iter().map(|z| z.tanh()).collect();
             let excess: f64 = z.iter().map(|z| (z.abs() - bound).max(0.0).powi(2)).sum();
             let mut pull = f64::from(EXCESS_WEIGHT) * excess;
             let cost = if self.shapes.returns.is_some() {

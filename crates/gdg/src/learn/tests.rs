@@ -6,10 +6,10 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::batch::Batch;
-use crate::learn::network_learner::{GDG, NetworkLearner, VARIANTS, Variant};
+use crate::learn::network_learner::{GDG, LearnerVariant, NetworkLearner, VARIANTS};
 use crate::learn::networks::policy::{Imagine, Nets};
 use crate::learn::reference::{Net, Reference, wide};
-use crate::learn::update::training::Training;
+use crate::learn::update::trained_networks::Training;
 use crate::learn::{LearnSettings, Learner, LossScale, Policy, Profile, Scratch};
 use crate::settings::Preset;
 use crate::store::Store;
@@ -115,7 +115,7 @@ pub fn assert_gradient(
 }
 
 fn updated(
-    variant: Variant,
+    variant: LearnerVariant,
     spec: &Spec,
     settings: &LearnSettings,
     mut next_batch: impl FnMut(usize) -> Batch,
@@ -138,7 +138,7 @@ type MakeBatch = fn(&Spec, usize, &mut ChaCha8Rng) -> Batch;
 fn check_on(
     make_batch: MakeBatch,
     updates: usize,
-    variant: Variant,
+    variant: LearnerVariant,
     spec: &Spec,
     settings: &LearnSettings,
 ) {

@@ -3,7 +3,7 @@
 pub mod actor;
 pub mod losses;
 pub mod parts;
-pub mod pool;
-pub mod report;
+pub mod profile;
+pub mod thread_pool;
 pub mod threads;
-pub mod training;
+pub mod trained_networks;

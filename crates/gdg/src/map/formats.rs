@@ -3,20 +3,20 @@
 //! A file's format is recognised by its content, and where that says nothing by the ending of its
 //! name; everything else is read as plain text.
 
-mod characters;
 mod images;
-mod lists;
+mod plain_text;
+mod text_rows;
 mod tiled;
 mod yaml;
 
 use std::path::{Path, PathBuf};
 
 use super::grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
-use super::text::{MapError, MapResult, Place, Text};
+use super::text_file::{MapError, MapResult, TextFile, TextPosition};
 use crate::text::counted;
-pub use characters::{print_ascii, print_movingai};
 use images::Image;
-pub use yaml::{Agent, agents, has_agents, is_mapf};
+pub use plain_text::{print_ascii, print_movingai};
+pub use yaml::{AgentTask, agents, has_agents, is_mapf};
 
 /// A file that is read as a map.
 pub struct Source<'a> {
@@ -24,7 +24,7 @@ pub struct Source<'a> {
     pub file: &'a str,
     pub bytes: &'a [u8],
     /// Its text, if it is text.
-    pub text: MapResult<Text<'a>>,
+    pub text: MapResult<TextFile<'a>>,
     /// Where the files that it names are.
     pub folder: Option<&'a Path>,
     /// The brightness, from 0 to 1, below which pixels of images are walls.
@@ -34,7 +34,7 @@ pub struct Source<'a> {
 impl<'a> Source<'a> {
     /// Prepares a file for reading, without those that it names.
     pub fn new(file: &'a str, bytes: &'a [u8]) -> Self {
-        Self { file, bytes, text: Text::new(file, bytes), folder: None, threshold: THRESHOLD }
+        Self { file, bytes, text: TextFile::new(file, bytes), folder: None, threshold: THRESHOLD }
     }
 
     /// The map's name: the file's without its ending.
@@ -43,11 +43,11 @@ impl<'a> Source<'a> {
     }
 
     /// Whether it is text that begins as `is` says.
-    fn is_text(&self, is: fn(&Text) -> bool) -> bool {
+    fn is_text(&self, is: fn(&TextFile) -> bool) -> bool {
         self.text.as_ref().is_ok_and(is)
     }
 
-    fn text(&self) -> MapResult<&Text<'a>> {
+    fn text(&self) -> MapResult<&TextFile<'a>> {
         self.text.as_ref().map_err(Clone::clone)
     }
 }
@@ -87,14 +87,14 @@ pub struct MapFormat {
 pub const FORMATS: [MapFormat; 10] = [
     images::PNG,
     images::PGM,
-    characters::MOVINGAI,
+    plain_text::MOVINGAI,
     tiled::FORMAT,
     yaml::ROS,
     yaml::MAPF,
-    lists::LIST,
-    lists::D4RL,
-    lists::NUMBERS,
-    characters::PLAIN,
+    text_rows::LIST,
+    text_rows::D4RL,
+    text_rows::NUMBERS,
+    plain_text::PLAIN,
 ];
 
 impl MapFormat {
@@ -107,7 +107,7 @@ impl MapFormat {
     pub(super) fn of(source: &Source) -> &'static Self {
         let [.., plain] = &FORMATS;
         // Plain maps are often called .map too, and no other format recognises them.
-        let is_certain = |format: &&Self| format.name != characters::MOVINGAI.name;
+        let is_certain = |format: &&Self| format.name != plain_text::MOVINGAI.name;
         let by_name = || Self::by_name(Path::new(source.file)).filter(is_certain);
         Self::by_content(source).or_else(by_name).unwrap_or(plain)
     }
@@ -160,7 +160,7 @@ pub fn fingerprint(grid: &Grid) -> String {
 
 /// What a cell is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Mark {
+enum CellMark {
     Wall,
     Free,
     Start,
@@ -170,7 +170,7 @@ enum Mark {
 }
 
 /// Returns the rows of a map, each the marks of its cells.
-fn marks(grid: &Grid) -> impl Iterator<Item = impl Iterator<Item = Mark> + '_> + '_ {
+fn marks(grid: &Grid) -> impl Iterator<Item = impl Iterator<Item = CellMark> + '_> + '_ {
     let is_in = |cells: &[Cell], cell: Cell| {
         cells.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok()
     };
@@ -178,51 +178,51 @@ fn marks(grid: &Grid) -> impl Iterator<Item = impl Iterator<Item = Mark> + '_> +
         (0..grid.width()).map(move |x| {
             let cell = Cell::new(x, y);
             match (grid.is_free(cell), is_in(grid.starts(), cell), is_in(grid.goals(), cell)) {
-                (false, ..) => Mark::Wall,
-                (true, false, false) => Mark::Free,
-                (true, true, false) => Mark::Start,
-                (true, false, true) => Mark::Goal,
-                (true, true, true) => Mark::Both,
+                (false, ..) => CellMark::Wall,
+                (true, false, false) => CellMark::Free,
+                (true, true, false) => CellMark::Start,
+                (true, false, true) => CellMark::Goal,
+                (true, true, true) => CellMark::Both,
             }
         })
     })
 }
 
 /// Returns the map of these cells, row by row; `cells` says how they are written.
-fn grid(source: &Source, width: usize, marks: &[Mark], cells: &str) -> MapResult<Grid> {
-    let free: Vec<bool> = marks.iter().map(|mark| *mark != Mark::Wall).collect();
+fn grid(source: &Source, width: usize, marks: &[CellMark], cells: &str) -> MapResult<Grid> {
+    let free: Vec<bool> = marks.iter().map(|mark| *mark != CellMark::Wall).collect();
     if !free.contains(&true) {
         return Err(MapError::whole_file(source.file, "the map has no free cell", cells));
     }
-    let of = |which: Mark| {
-        let is = |mark: &Mark| *mark == which || *mark == Mark::Both;
+    let of = |which: CellMark| {
+        let is = |mark: &CellMark| *mark == which || *mark == CellMark::Both;
         let at = marks.iter().enumerate().filter(|(_, mark)| is(mark));
         at.map(|(i, _)| Cell::new(i % width, i / width)).collect()
     };
-    Ok(Grid::new(&source.name(), width, free, of(Mark::Start), of(Mark::Goal)))
+    Ok(Grid::new(&source.name(), width, free, of(CellMark::Start), of(CellMark::Goal)))
 }
 
-fn too_large(text: &Text, width: usize, height: usize) -> Box<MapError> {
+fn too_large(text: &TextFile, width: usize, height: usize) -> Box<MapError> {
     text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
 }
 
 /// The rows read so far, all of the first one's length.
 struct MarkRows<'a> {
-    text: &'a Text<'a>,
+    text: &'a TextFile<'a>,
     /// Cells of the first row, once it has ended.
     width: Option<usize>,
     /// Index of the first cell of the row that is being read.
     row: usize,
-    marks: Vec<Mark>,
+    marks: Vec<CellMark>,
 }
 
 impl<'a> MarkRows<'a> {
-    fn new(text: &'a Text<'a>) -> Self {
+    fn new(text: &'a TextFile<'a>) -> Self {
         Self { text, width: None, row: 0, marks: Vec::new() }
     }
 
     /// Adds a cell to the row, unless the map is too large.
-    fn push(&mut self, mark: Mark) -> MapResult<()> {
+    fn push(&mut self, mark: CellMark) -> MapResult<()> {
         self.marks.push(mark);
         let width = self.marks.len() - self.row;
         if width > MAX_SIDE || self.marks.len() > MAX_CELLS {
@@ -237,7 +237,7 @@ impl<'a> MarkRows<'a> {
     }
 
     /// Ends the row, which began at `from`; it must be as long as the first one.
-    fn end_row(&mut self, from: Place) -> MapResult<()> {
+    fn end_row(&mut self, from: TextPosition) -> MapResult<()> {
         let length = self.marks.len() - self.row;
         let width = *self.width.get_or_insert(length);
         let help = "all rows must have the same number of cells";

@@ -6,8 +6,8 @@ use super::formats::{FORMATS, MapFormat, Source, THRESHOLD, has_agents};
 use super::grid::{Grid, MapScale};
 use super::ogbench::Ogbench;
 use super::scenario::{Scenario, ScenarioTask, is_scenario};
-use super::text::{MapError, MapResult, Text, read_file};
-use crate::files::{Format, Mismatch, Wanted};
+use super::text_file::{MapError, MapResult, TextFile, read_file};
+use crate::files::{FileFormat, Mismatch, Wanted};
 
 /// Name and text of every built-in map; those of OGBench are layouts of blocks.
 pub const BUILTIN: [(&str, &str); 8] = [
@@ -62,14 +62,14 @@ const MAP: Wanted = Wanted {
     help: "a map is plain text: one character per cell ('#' is a wall, '.' is free), or in one of the formats of \
            'gdg-tui maps --help'; images are PNG or PGM",
     // A scenario gets an error of its own, with its location.
-    own: &[Format::Map, Format::Scenario, Format::Text],
+    own: &[FileFormat::Map, FileFormat::Scenario, FileFormat::Text],
 };
 
 /// What is read as a scenario.
 const SCENARIO: Wanted = Wanted {
     name: "a scenario",
     help: "a scenario is plain text in Moving AI's format: the line 'version 1', then a task per line",
-    own: &[Format::Scenario, Format::Text],
+    own: &[FileFormat::Scenario, FileFormat::Text],
 };
 
 /// How the file of a map is read.
@@ -146,7 +146,7 @@ pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
 pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
     let Ok(bytes) = read_file(path, "map") else { return Ok(None) };
     let file = path.to_string_lossy();
-    let has_agents = Text::new(&file, &bytes).is_ok_and(|text| has_agents(&text));
+    let has_agents = TextFile::new(&file, &bytes).is_ok_and(|text| has_agents(&text));
     has_agents.then(|| Scenario::parse(&file, &bytes)).transpose()
 }
 

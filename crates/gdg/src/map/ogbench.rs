@@ -1,4 +1,5 @@
-//! The point mazes of OGBench (Park et al. 2024): what their layouts do not say.
+//! The point mazes of OGBench (Park et al. 2024): their tasks and teleports, which layouts leave
+//! out.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,8 +1,7 @@
-//! How a map relates to the maze that it was read from: mazes of blocks as maps of cells, and bodies
-//! as points.
+//! The scale of a map read from a maze of blocks: blocks become cells, and bodies points.
 
 use super::grid::{Cell, Grid, MapScale, is_size, size_limits};
-use super::text::{MapError, MapResult};
+use super::text_file::{MapError, MapResult};
 
 impl MapScale {
     /// Returns the map of a `maze` whose cells are blocks; errors refer to it as `file`. Starts and goals are in the middle of their

@@ -3,9 +3,9 @@
 use std::ops::RangeInclusive;
 
 use super::components::Components;
-use super::formats::{Agent, agents, is_mapf};
+use super::formats::{AgentTask, agents, is_mapf};
 use super::grid::{Cell, Grid};
-use super::text::{MapError, MapResult, Text};
+use super::text_file::{MapError, MapResult, TextFile};
 use crate::text::SourceLine;
 
 /// One task of a scenario.
@@ -49,17 +49,17 @@ struct TaskLine {
 }
 
 /// A field of a task: its first byte in the line, and its text.
-type Field<'a> = (usize, &'a str);
+type TaskField<'a> = (usize, &'a str);
 
 /// Returns whether the text starts like a scenario of any version.
-pub fn is_scenario(text: &Text) -> bool {
+pub fn is_scenario(text: &TextFile) -> bool {
     text.lines[0].split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("version"))
 }
 
 impl Scenario {
     /// Parses a scenario; errors refer to it as `file`.
     pub fn parse(file: &str, bytes: &[u8]) -> MapResult<Self> {
-        let text = Text::new(file, bytes)?;
+        let text = TextFile::new(file, bytes)?;
         if is_mapf(&text) {
             return Self::of_agents(&text);
         }
@@ -81,9 +81,9 @@ impl Scenario {
     }
 
     /// Returns the tasks of the agents of a map for planners: they refer to the map in the same file.
-    fn of_agents(text: &Text) -> MapResult<Self> {
+    fn of_agents(text: &TextFile) -> MapResult<Self> {
         let (size, agents) = agents(text)?;
-        let entries = agents.iter().map(|Agent { start, goal }| TaskLine {
+        let entries = agents.iter().map(|AgentTask { start, goal }| TaskLine {
             line: start.1.line,
             text: String::new(),
             marks: Some([start.1, goal.1].map(|place| text.error_at(place, "", ""))),
@@ -212,7 +212,7 @@ impl TaskLine {
     }
 }
 
-fn parse_entry(text: &Text, line: usize) -> MapResult<TaskLine> {
+fn parse_entry(text: &TextFile, line: usize) -> MapResult<TaskLine> {
     let whole = text.lines[line];
     let fields = fields(whole);
     if fields.len() != FIELDS {
@@ -238,11 +238,11 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<TaskLine> {
 }
 
 /// Splits a task at tabs; or else at blanks, which the map's name may contain.
-fn fields(line: &str) -> Vec<Field<'_>> {
+fn fields(line: &str) -> Vec<TaskField<'_>> {
     let at = |part: &str| part.as_ptr() as usize - line.as_ptr() as usize;
-    let tabbed: Vec<Field> =
+    let tabbed: Vec<TaskField> =
         line.split('\t').map(str::trim).map(|field| (at(field), field)).collect();
-    let words: Vec<Field> = line.split_whitespace().map(|word| (at(word), word)).collect();
+    let words: Vec<TaskField> = line.split_whitespace().map(|word| (at(word), word)).collect();
     if tabbed.len() == FIELDS {
         return tabbed;
     }

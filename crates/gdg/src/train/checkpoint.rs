@@ -20,7 +20,7 @@ use super::history::History;
 use super::memory;
 use super::registry::Registry;
 use super::trainer::{About, Saved, Trainer};
-use crate::files::{self, FileFacts, Format, Mismatch, Wanted};
+use crate::files::{self, FileFacts, FileFormat, Mismatch, Wanted};
 use crate::job::Job;
 use crate::learn::Threads;
 use crate::store::StoreError;
@@ -41,14 +41,14 @@ pub struct CheckpointError {
 }
 
 #[derive(Clone, Debug)]
-pub struct Description {
+pub struct RunDescription {
     pub file: PathBuf,
     pub about: About,
     pub bytes: u64,
     pub written: Option<SystemTime>,
 }
 
-impl std::ops::Deref for Description {
+impl std::ops::Deref for RunDescription {
     type Target = About;
 
     fn deref(&self) -> &About {
@@ -59,22 +59,22 @@ impl std::ops::Deref for Description {
 const CHECKPOINT: Wanted = Wanted {
     name: "a checkpoint",
     help: "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors",
-    own: &[Format::Safetensors],
+    own: &[FileFormat::Safetensors],
 };
 
 /// Reads a checkpoint's summary without its state.
-pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
+pub fn describe(path: &Path) -> Result<RunDescription, CheckpointError> {
     described(path).map(|(found, _)| found)
 }
 
 /// Reads a checkpoint's summary and history without its state or its world.
-pub fn read_history(path: &Path) -> Result<(Description, History), CheckpointError> {
+pub fn read_history(path: &Path) -> Result<(RunDescription, History), CheckpointError> {
     let (found, texts) = described(path)?;
     let history = parsed(&texts, HISTORY).map_err(|e| unreadable(path, &e.to_string()))?;
     Ok((found, history))
 }
 
-fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
+fn described(path: &Path) -> Result<(RunDescription, Texts), CheckpointError> {
     let (start, facts) =
         read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let read = || {
@@ -84,7 +84,7 @@ fn described(path: &Path) -> Result<(Description, Texts), CheckpointError> {
     let (mut about, texts) = read().map_err(|e| unreadable(path, &e.to_string()))?;
     (about.world, about.title) = (safe_file_name(&about.world), safe_file_name(&about.title));
     let (file, written) = (path.to_owned(), facts.modified().ok());
-    Ok((Description { file, about, bytes: facts.len(), written }, texts))
+    Ok((RunDescription { file, about, bytes: facts.len(), written }, texts))
 }
 
 fn parsed<T: DeserializeOwned>(texts: &Texts, name: &str) -> Result<T, StoreError> {

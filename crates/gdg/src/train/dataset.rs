@@ -13,7 +13,7 @@ use zip::ZipArchive;
 use super::memory;
 use super::{DataError, TrainError};
 use crate::env::{Environment, MAX_MAGNITUDE};
-use crate::files::{self, FileFacts, Format, Wanted};
+use crate::files::{self, FileFacts, FileFormat, Wanted};
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
@@ -282,8 +282,11 @@ fn unfit(file: &Path, problem: String) -> DataError {
     DataError { file: file.to_string_lossy().into(), problem }
 }
 
-const DATA: Wanted =
-    Wanted { name: "an .npz file of NumPy", help: "numpy.savez writes one", own: &[Format::Npz] };
+const DATA: Wanted = Wanted {
+    name: "an .npz file of NumPy",
+    help: "numpy.savez writes one",
+    own: &[FileFormat::Npz],
+};
 
 const CUT_OFF: &str = "is no .npz file of NumPy, or its end is missing";
 

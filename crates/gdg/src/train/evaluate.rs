@@ -1,6 +1,6 @@
 //! Evaluation against the world's ground truth, on its own random stream.
 
-mod tasks;
+mod lockstep;
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ use crate::env::{
 };
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-use tasks::{Actor, run_tasks};
+use lockstep::{Actor, run_tasks};
 
 pub struct EvaluationJob {
     pub(super) world: Box<dyn Environment>,
@@ -111,7 +111,7 @@ impl EvaluationJob {
         else {
             return Ok(None);
         };
-        let policy = Straight { spec: world.spec(), world: evaluated };
+        let policy = StraightPolicy { spec: world.spec(), world: evaluated };
         let mut action = vec![0.0; world.spec().action_dim];
         let state = vec![0.0; world.spec().state_dim()];
         if !policy.world.straight_action(&state, &task.goal, &mut action) {
@@ -181,12 +181,12 @@ pub struct TaskWalk {
     pub reached: bool,
 }
 
-struct Straight<'a> {
+struct StraightPolicy<'a> {
     spec: &'a Spec,
     world: &'a dyn Evaluated,
 }
 
-impl Policy for Straight<'_> {
+impl Policy for StraightPolicy<'_> {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
         let spec = self.spec;
         let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::score::{Evaluation, Success};
+use super::score::{Evaluation, SuccessSummary};
 use crate::env::Spec;
 use crate::store::StoreError;
 
@@ -156,7 +156,7 @@ impl History {
     }
 
     /// Returns the summary of the latest evaluation, if it was of the current method.
-    pub fn success(&self) -> Option<Success> {
+    pub fn success(&self) -> Option<SuccessSummary> {
         let own = self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates));
         own.map(|(updates, evaluation)| evaluation.success(*updates))
     }

@@ -15,7 +15,7 @@ use crate::store::StoreError;
 
 pub(super) const POLICY_KEY: &str = "policy";
 
-type Arrays = Vec<(String, Tensor)>;
+type PolicyArrays = Vec<(String, Tensor)>;
 
 fn array<T: WithDType>(
     name: &str,
@@ -25,7 +25,7 @@ fn array<T: WithDType>(
     Ok((name.to_owned(), Tensor::from_slice(values, shape, &Device::Cpu)?))
 }
 
-fn arrays_of(tensors: &[NamedTensor]) -> candle_core::Result<Arrays> {
+fn arrays_of(tensors: &[NamedTensor]) -> candle_core::Result<PolicyArrays> {
     tensors.iter().map(|t| array(&t.name, &t.shape, &t.values)).collect()
 }
 
@@ -73,7 +73,7 @@ fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
     LearnError::Other(format!("{what} of the learner {kind} cannot be exported yet").into())
 }
 
-fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Arrays), TrainError> {
+fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, PolicyArrays), TrainError> {
     let method = &trainer.run().method;
     let Some(graph) = trainer.evaluation()?.graph(progress) else {
         let problem = format!("the method {method} does not plan: there are no plans to export");
@@ -89,7 +89,7 @@ fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, Arrays), TrainErro
 
 /// Returns the candidates of a graph, the paths observed between them, how often hops arrived, and
 /// the edges.
-fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> candle_core::Result<Arrays> {
+fn graph_arrays(graph: &BridgeGraph, state_dim: usize) -> candle_core::Result<PolicyArrays> {
     let (hops, edges) = (graph.candidates().hops().counts(), graph.edges());
     let (mut to, mut steps, mut ends) = (Vec::new(), Vec::new(), Vec::new());
     for from in 0..graph.candidates().len() {

@@ -1,4 +1,4 @@
-//! What there is to choose from: worlds, learners and methods.
+//! The registry of worlds, learners and methods.
 
 use std::fmt;
 use std::path::{Path, PathBuf};

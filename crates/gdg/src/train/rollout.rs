@@ -35,7 +35,7 @@ pub struct Agent {
 }
 
 #[derive(Serialize, Deserialize)]
-struct Plan {
+struct AgentPlan {
     walker: Walker,
     goal: Vec<f32>,
     /// Whether the agent has acted at random since setting out for the waypoint: being late then
@@ -67,7 +67,7 @@ pub struct StepContext<'a> {
 pub struct Rollout {
     pub(super) env: Box<dyn Environment>,
     agents: Vec<Agent>,
-    plans: Vec<Option<Plan>>,
+    plans: Vec<Option<AgentPlan>>,
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
@@ -579,7 +579,7 @@ impl Rollout {
     fn plan(&mut self, i: usize, context: &StepContext) {
         let goal = &self.agents[i].goal;
         if let Some(walker) = context.guide.plan(goal, &mut self.scratch) {
-            self.plans[i] = Some(Plan { walker, goal: goal.clone(), disturbed: false });
+            self.plans[i] = Some(AgentPlan { walker, goal: goal.clone(), disturbed: false });
         }
     }
 

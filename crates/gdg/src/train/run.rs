@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::config::{changed_from, list_settings, with_setting};
 use super::registry::{Method, Registry};
 use super::settings::Settings;
+use super::settings_file::{changed_from, list_settings, with_setting};
 use crate::bridge::BridgeSettings;
 use crate::settings::Preset;
 use crate::store::StoreError;

@@ -27,8 +27,8 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    pub fn success(&self, updates: u64) -> Success {
-        Success {
+    pub fn success(&self, updates: u64) -> SuccessSummary {
+        SuccessSummary {
             updates,
             greedy: self.greedy.success,
             planned: self.planned.as_ref().and_then(|score| score.success),
@@ -109,7 +109,7 @@ pub struct BridgeFacts {
 
 /// Summary of a run's latest evaluation, as shown in checkpoint lists.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Success {
+pub struct SuccessSummary {
     pub updates: u64,
     /// Success rate of the actor alone; `None` if there were no tasks.
     pub greedy: Option<f64>,
@@ -117,7 +117,7 @@ pub struct Success {
     pub planned: Option<f64>,
 }
 
-impl fmt::Display for Success {
+impl fmt::Display for SuccessSummary {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         if let Some(planned) = self.planned {
             write!(f, "planned {planned:.2}, ")?;

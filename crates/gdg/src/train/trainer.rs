@@ -2,9 +2,9 @@
 //! settings.
 
 mod change;
-mod data;
 mod graphs;
 mod persistence;
+mod recorded;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,21 +27,21 @@ use crate::env::{EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldSce
 use crate::job::Job;
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
-    ReplaySizes, Scratch, Stage, Threads, TrainingData,
+    ReplaySizes, Scratch, Threads, TrainingData, TrainingPhase,
 };
 pub use change::{WorldChange, resets_networks};
-use data::Data;
-pub use data::LeftOut;
 use graphs::{BuiltGraph, Graphs};
 use persistence::LastGood;
 pub use persistence::{About, Recovery, Saved};
+use recorded::Data;
+pub use recorded::LeftOut;
 
 /// Losses are reported as running means over about this many updates.
 pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
 
 /// Random streams of a run, one per purpose, so that they do not affect each other.
 #[derive(Clone, Copy)]
-enum Stream {
+enum RandomStream {
     Initial = 0,
     Explore = 1,
     Batch = 2,
@@ -78,7 +78,7 @@ pub struct Trainer {
     job: Job,
 }
 
-fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
+fn stream(seed: u64, stream: RandomStream) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream as u64);
     rng
@@ -93,7 +93,12 @@ fn new_learner(
     threads: Threads,
 ) -> Result<Box<dyn Learner>> {
     let kind = registry.learner(&run.method.learner)?;
-    Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
+    Ok((kind.create)(
+        spec,
+        &run.settings.learn,
+        threads,
+        &mut stream(run.seed, RandomStream::Initial),
+    )?)
 }
 
 fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
@@ -107,7 +112,7 @@ fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>
 }
 
 fn new_rollout(run: &Run, world: &dyn Environment) -> Result<Rollout> {
-    Ok(Rollout::new(fork_world(run, world)?, stream(run.seed, Stream::Explore))?)
+    Ok(Rollout::new(fork_world(run, world)?, stream(run.seed, RandomStream::Explore))?)
 }
 
 fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
@@ -135,7 +140,7 @@ impl Trainer {
                 run.settings.learn.buffer_size,
             ),
             data: None,
-            batch_rng: stream(run.seed, Stream::Batch),
+            batch_rng: stream(run.seed, RandomStream::Batch),
             candidates: new_candidates(&run, spec),
             graphs: Graphs::default(),
             counters: Counters::default(),
@@ -282,7 +287,7 @@ impl Trainer {
         self.begin_to_act();
         let tick = if self.is_update_due() { self.update_meanwhile()? } else { self.step()? };
         if tick == Tick::Step {
-            self.profile.lap(Stage::Explore, began);
+            self.profile.lap(TrainingPhase::Explore, began);
         }
         self.seconds += began.elapsed().as_secs_f64();
         if tick == Tick::Update {
@@ -411,7 +416,7 @@ impl Trainer {
         }
         let began = Instant::now();
         self.refresh_graph()?;
-        self.profile.lap(Stage::Graph, began);
+        self.profile.lap(TrainingPhase::Graph, began);
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
         let Self { learner, replay, graphs, batch_rng, profile, job, .. } = self;
         let known =
@@ -473,7 +478,7 @@ impl Trainer {
     }
 
     fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
-        let mut rng = stream(self.run.seed, Stream::Evaluate);
+        let mut rng = stream(self.run.seed, RandomStream::Evaluate);
         // Each evaluation and purpose gets its own 2^34 words of the stream.
         rng.set_word_pos(u128::from(2 * self.counters.updates + purpose) << 34);
         rng

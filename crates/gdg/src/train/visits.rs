@@ -1,4 +1,4 @@
-//! How often the agents have been at each place of a world, for worlds that have places.
+//! Counts how often the agents have visited each place, in worlds that have places.
 
 use std::sync::Arc;
 

@@ -1,5 +1,5 @@
-//! How the agent that is shown finds its way in any world: by the current policy, and a plan through
-//! the bridge graph.
+//! Leads the agent on the screen through any world, by the current policy and a plan through the
+//! bridge graph.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -12,10 +12,10 @@ use super::editor::offset_cell;
 use crate::tui::action::Action;
 use crate::tui::dialog::{Prompt, Question};
 use crate::tui::layout::ScreenLayout;
-use crate::tui::link::Link;
-use crate::tui::raster::{MapFrame, Viewport};
+use crate::tui::link::TrainerLink;
 use crate::tui::screen::Screen;
-use gdg::engine::{Command, MakeWorld};
+use crate::tui::viewport::{MapFrame, Viewport};
+use gdg::engine::{EngineCommand, MakeWorld};
 use gdg::env::PointMaze;
 use gdg::files::named;
 use gdg::map::{Cell, Grid};
@@ -41,7 +41,7 @@ pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
 }
 
 impl MazeState {
-    pub fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut Link) {
+    pub fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink) {
         let map = self.map.clone();
         if matches!(action, Action::ToggleEdit | Action::Tool(_)) {
             screen.show_banner();
@@ -78,13 +78,13 @@ impl MazeState {
         screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
 
-    pub fn random_cell(&self, link: &mut Link) -> Cell {
+    pub fn random_cell(&self, link: &mut TrainerLink) -> Cell {
         let cells: Vec<Cell> = self.map.free_cells().collect();
         cells[link.rng.random_range(0..cells.len())]
     }
 
     /// Puts the goal at `cell`, or at the free cell nearest to it.
-    pub fn set_goal(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
+    pub fn set_goal(&mut self, cell: Cell, screen: &mut Screen, link: &mut TrainerLink) {
         if let Some(cell) = self.map.nearest_free(cell) {
             link.return_to_present(screen);
             self.goal = cell;
@@ -94,7 +94,12 @@ impl MazeState {
     }
 
     /// Puts the goal where the user has clicked, or near it with a notice if that is a wall.
-    pub fn set_goal_by_click(&mut self, clicked: Cell, screen: &mut Screen, link: &mut Link) {
+    pub fn set_goal_by_click(
+        &mut self,
+        clicked: Cell,
+        screen: &mut Screen,
+        link: &mut TrainerLink,
+    ) {
         self.set_goal(clicked, screen, link);
         let goal = self.goal;
         if goal != clicked {
@@ -102,19 +107,24 @@ impl MazeState {
         }
     }
 
-    pub fn place_walker_by_click(&self, clicked: Cell, screen: &mut Screen, link: &Link) {
+    pub fn place_walker_by_click(&self, clicked: Cell, screen: &mut Screen, link: &TrainerLink) {
         place_walker(Some(clicked), screen, link);
         if let Some(start) = self.map.nearest_free(clicked).filter(|start| *start != clicked) {
             say_wall(clicked, '@', start, screen);
         }
     }
 
-    pub fn inspect(&mut self, cell: Option<Cell>, link: &Link) {
+    pub fn inspect(&mut self, cell: Option<Cell>, link: &TrainerLink) {
         self.inspecting = cell;
         link.request(Request::Inspect(cell.or(self.hovered)));
     }
 
-    pub fn change_map(&mut self, map: Option<Arc<Grid>>, screen: &mut Screen, link: &mut Link) {
+    pub fn change_map(
+        &mut self,
+        map: Option<Arc<Grid>>,
+        screen: &mut Screen,
+        link: &mut TrainerLink,
+    ) {
         self.change_map_or_say(map, [""; 2], screen, link);
     }
 
@@ -124,7 +134,7 @@ impl MazeState {
         map: Option<Arc<Grid>>,
         [done, nothing]: [&'static str; 2],
         screen: &mut Screen,
-        link: &mut Link,
+        link: &mut TrainerLink,
     ) {
         let Some(map) = map else {
             if !nothing.is_empty() {
@@ -132,7 +142,7 @@ impl MazeState {
             }
             return;
         };
-        if !link.command(Command::ChangeWorld(maze_on(map.clone()), done), screen) {
+        if !link.command(EngineCommand::ChangeWorld(maze_on(map.clone()), done), screen) {
             return;
         }
         self.editor.settle(&self.map, &map);
@@ -142,7 +152,7 @@ impl MazeState {
         }
     }
 
-    fn toggle_edit(&mut self, link: &Link) {
+    fn toggle_edit(&mut self, link: &TrainerLink) {
         if self.editor.is_open() {
             self.editor.close();
         } else {
@@ -152,7 +162,7 @@ impl MazeState {
     }
 
     /// Moves the editor's cursor, the inspecting one or the goal, right and down.
-    pub fn move_by(&mut self, by: [isize; 2], screen: &mut Screen, link: &mut Link) {
+    pub fn move_by(&mut self, by: [isize; 2], screen: &mut Screen, link: &mut TrainerLink) {
         if self.editor.is_open() {
             self.editor.move_cursor(by, &self.map.clone());
         } else if let Some(at) = self.inspecting {
@@ -164,7 +174,7 @@ impl MazeState {
     }
 
     /// Moves the goal to the next free cell in that direction, jumping over walls.
-    fn move_goal(&mut self, [dx, dy]: [isize; 2], screen: &mut Screen, link: &mut Link) {
+    fn move_goal(&mut self, [dx, dy]: [isize; 2], screen: &mut Screen, link: &mut TrainerLink) {
         let mut at = self.goal;
         loop {
             at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
@@ -178,7 +188,7 @@ impl MazeState {
     }
 
     /// Warns if no path leads from the walking agent to the goal, once per goal and map.
-    pub fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &Link) {
+    pub fn warn_of_cut_off_goal(&mut self, screen: &mut Screen, link: &TrainerLink) {
         let view = &self.view;
         let no_path = view.goal.1 == link.goal_request && view.reach.shortest.is_none();
         let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
@@ -190,7 +200,7 @@ impl MazeState {
         }
     }
 
-    pub fn on_click(&mut self, cell: Cell, screen: &mut Screen, link: &mut Link) {
+    pub fn on_click(&mut self, cell: Cell, screen: &mut Screen, link: &mut TrainerLink) {
         self.hovered = None;
         screen.explains = false;
         if self.goal != cell {
@@ -228,7 +238,7 @@ impl MazeState {
     }
 
     /// Describes the cell under the mouse, unless a cursor is shown.
-    pub fn hover(&mut self, cell: Option<Cell>, link: &Link) {
+    pub fn hover(&mut self, cell: Option<Cell>, link: &TrainerLink) {
         if self.hovered != cell {
             self.hovered = cell;
             if self.inspecting.is_none() {
@@ -306,7 +316,7 @@ fn say_wall(clicked: Cell, mark: char, at: Cell, screen: &mut Screen) {
 }
 
 /// Puts the walking agent at a cell, or at a random place.
-pub fn place_walker(cell: Option<Cell>, screen: &mut Screen, link: &Link) {
+pub fn place_walker(cell: Option<Cell>, screen: &mut Screen, link: &TrainerLink) {
     link.return_to_present(screen);
     link.request(Request::Start(cell.map(|cell| cell.centre().to_vec())));
 }

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use ratatui::layout::Position;
 
-use crate::tui::raster::MapFrame;
 use crate::tui::tool::Tool;
+use crate::tui::viewport::MapFrame;
 use gdg::map::{Cell, Grid};
 
 /// The most cells of all maps together that are kept to undo edits. Beyond it the oldest are dropped.

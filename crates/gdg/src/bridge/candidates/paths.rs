@@ -21,7 +21,7 @@ pub(super) const AT_SHARE: f32 = 0.3;
 const CONFIRMED_SLACK_STEPS: u16 = 3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Path {
+pub(super) struct WalkedPath {
     /// Index of the other candidate.
     pub to: u32,
     /// Fewest steps from near one to near the other.
@@ -33,7 +33,7 @@ pub(super) struct Path {
     pub passes: u8,
 }
 
-impl Path {
+impl WalkedPath {
     /// Returns the path that one trajectory has shown; `exact` is whether it began and ended at the
     /// candidates themselves.
     pub fn new(to: u32, steps: u16, exact: [bool; 2]) -> Self {
@@ -62,13 +62,13 @@ impl Path {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct KnownPaths {
     /// The paths, sorted by the other candidate.
-    pub observed: Vec<Path>,
+    pub observed: Vec<WalkedPath>,
     /// Outcomes of walks to another candidate, by its id.
     pub practice: BTreeMap<u32, WalkRecord>,
 }
 
 impl KnownPaths {
-    pub fn observe(this: &mut Arc<Self>, path: Path) {
+    pub fn observe(this: &mut Arc<Self>, path: WalkedPath) {
         match this.observed.binary_search_by_key(&path.to, |path| path.to) {
             Ok(at) => {
                 let known = this.observed[at].and(&path);
@@ -87,7 +87,7 @@ impl KnownPaths {
             && self.observed.last().is_none_or(|last| (last.to as usize) < count)
     }
 
-    pub fn to(&self, to: u32) -> Option<&Path> {
+    pub fn to(&self, to: u32) -> Option<&WalkedPath> {
         let at = self.observed.binary_search_by_key(&to, |path| path.to).ok()?;
         Some(&self.observed[at])
     }
@@ -167,9 +167,9 @@ mod tests {
     fn after(trajectories: &[(u16, [bool; 2])]) -> u16 {
         let mut paths = Arc::new(KnownPaths::default());
         for (steps, exact) in trajectories {
-            KnownPaths::observe(&mut paths, Path::new(3, *steps, *exact));
+            KnownPaths::observe(&mut paths, WalkedPath::new(3, *steps, *exact));
         }
-        paths.to(3).map_or(0, Path::steps)
+        paths.to(3).map_or(0, WalkedPath::steps)
     }
 
     #[test]

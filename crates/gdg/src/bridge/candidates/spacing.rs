@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pathfinding::directed::dijkstra::dijkstra_reach;
 
-use super::{Candidates, KnownPaths, Path, UNOBSERVED, Visit};
+use super::{Candidates, KnownPaths, UNOBSERVED, Visit, WalkedPath};
 use crate::bridge::BridgeSettings;
 use crate::env::Region;
 use crate::learn::GoalIndex;
@@ -134,7 +134,7 @@ impl Candidates {
             let KnownPaths { observed, practice } = &*self.paths[*i];
             let observed = observed
                 .iter()
-                .filter_map(|path| Some(Path { to: new_index[path.to as usize]?, ..*path }));
+                .filter_map(|path| Some(WalkedPath { to: new_index[path.to as usize]?, ..*path }));
             let alive = |id: &u32| ids.binary_search(id).is_ok();
             let practice =
                 practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));

@@ -64,7 +64,7 @@ pub struct Places {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Outcome {
+enum ActionOutcome {
     Unvisited,
     Place(usize),
     Blocked,
@@ -201,18 +201,18 @@ impl Places {
         self.enough_attempts == MIN_ATTEMPTS
     }
 
-    fn outcome(&self, place: usize, action: usize) -> Outcome {
+    fn outcome(&self, place: usize, action: usize) -> ActionOutcome {
         let at = place * self.action_count() + action;
         if self.attempts[at] >= self.most_attempts(at) {
-            return Outcome::Blocked;
+            return ActionOutcome::Blocked;
         }
         if self.to[at] != NOWHERE {
-            return Outcome::Place(self.to[at] as usize);
+            return ActionOutcome::Place(self.to[at] as usize);
         }
         match self.expected(place, action) {
-            Some(to) => Outcome::Place(to),
-            None if self.len() < MAX_PLACES => Outcome::Unvisited,
-            None => Outcome::Blocked,
+            Some(to) => ActionOutcome::Place(to),
+            None if self.len() < MAX_PLACES => ActionOutcome::Unvisited,
+            None => ActionOutcome::Blocked,
         }
     }
 
@@ -220,9 +220,9 @@ impl Places {
     /// [`NO_FRONTIER`].
     fn ahead_after(&self, place: usize, action: usize) -> u32 {
         match self.outcome(place, action) {
-            Outcome::Unvisited => 0,
-            Outcome::Place(to) => self.ahead[to].saturating_add(1),
-            Outcome::Blocked => NO_FRONTIER,
+            ActionOutcome::Unvisited => 0,
+            ActionOutcome::Place(to) => self.ahead[to].saturating_add(1),
+            ActionOutcome::Blocked => NO_FRONTIER,
         }
     }
 
@@ -245,9 +245,9 @@ impl Places {
         for (place, ahead) in ahead.iter_mut().enumerate() {
             for action in 0..self.action_count() {
                 match self.outcome(place, action) {
-                    Outcome::Unvisited => *ahead = 0,
-                    Outcome::Place(to) => into[to].push(place as u32),
-                    Outcome::Blocked => {}
+                    ActionOutcome::Unvisited => *ahead = 0,
+                    ActionOutcome::Place(to) => into[to].push(place as u32),
+                    ActionOutcome::Blocked => {}
                 }
             }
             if *ahead == 0 {
@@ -316,7 +316,7 @@ impl Places {
             }
             let next =
                 (0..self.action_count()).filter_map(|action| match self.outcome(at, action) {
-                    Outcome::Place(to) if self.ahead[to] < self.ahead[at] => Some(to),
+                    ActionOutcome::Place(to) if self.ahead[to] < self.ahead[at] => Some(to),
                     _ => None,
                 });
             at = next.min_by_key(|to| self.ahead[*to])?;
@@ -419,10 +419,10 @@ pub(super) mod tests {
         let row = row(&mut places, 0..4);
         let right = 0;
         places.record(row[0], right, row[1]);
-        let to = |i: usize| Outcome::Place(row[i]);
+        let to = |i: usize| ActionOutcome::Place(row[i]);
         assert_eq!(
             [0, 1, 2, 3].map(|i| places.outcome(row[i], right)),
-            [to(1), to(2), to(3), Outcome::Unvisited]
+            [to(1), to(2), to(3), ActionOutcome::Unvisited]
         );
         for pair in row.windows(2).cycle().take(9) {
             places.record(pair[0], right, pair[1]);
@@ -430,12 +430,12 @@ pub(super) mod tests {
         places.record(row[3], right, row[2]);
         places.record(row[1], right, row[0]);
         let outcomes = |places: &Places| [1, 3].map(|i| places.outcome(row[i], right));
-        assert_eq!(outcomes(&places), [Outcome::Place(row[2]), Outcome::Unvisited]);
+        assert_eq!(outcomes(&places), [ActionOutcome::Place(row[2]), ActionOutcome::Unvisited]);
         // Noise again and again is taken for where the action leads, but not for good.
         (0..3).for_each(|_| places.record(row[1], right, row[0]));
         places.record(row[3], right, row[2]);
-        assert_eq!(outcomes(&places), [row[0], row[2]].map(Outcome::Place));
+        assert_eq!(outcomes(&places), [row[0], row[2]].map(ActionOutcome::Place));
         places.doubt_noise();
-        assert_eq!(outcomes(&places), [Outcome::Place(row[2]), Outcome::Unvisited]);
+        assert_eq!(outcomes(&places), [ActionOutcome::Place(row[2]), ActionOutcome::Unvisited]);
     }
 }

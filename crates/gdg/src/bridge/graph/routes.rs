@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::{BridgeGraph, Incoming, Link};
+use super::{BridgeGraph, Incoming, PlannedEdge};
 use crate::job::Job;
 use crate::learn::{
     ChangedDistances, DistancesByGoal, GoalIndex, NEAR_STEPS, Policy, Scratch, WAYPOINT_STEPS,
@@ -112,13 +112,13 @@ impl Route {
 pub(in crate::bridge) struct HopOptions {
     pub candidates: Vec<FirstHop>,
     pub to_goal: f32,
-    pub direct: Option<Link>,
+    pub direct: Option<PlannedEdge>,
 }
 
 pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
     pub distance: f32,
-    pub link: Option<Link>,
+    pub link: Option<PlannedEdge>,
 }
 
 impl BridgeGraph {

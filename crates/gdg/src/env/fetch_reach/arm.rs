@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use super::constraints::{self, ConstraintRows, Mocap, accelerations};
 use super::dynamics::Dynamics;
-use super::model::{CHAIN, Frames, JOINTS, Joints, add_scaled, product, solve};
+use super::model::{ArmFrames, CHAIN, JOINTS, Joints, add_scaled, product, solve};
 
 /// Time of a sub-step in seconds.
 const SUBSTEP_SECS: f64 = 0.002;
@@ -74,8 +74,8 @@ impl Arm {
     }
 
     /// Returns its frames.
-    pub fn frames(&self) -> Frames {
-        Frames::new(&self.angles)
+    pub fn frames(&self) -> ArmFrames {
+        ArmFrames::new(&self.angles)
     }
 
     /// Moves it by one step: a weld pulls the gripper, pointing down, to where `action` (x, y, z in
@@ -94,7 +94,7 @@ impl Arm {
         }
     }
 
-    fn substep(&mut self, frames: &Frames, mocap: &Mocap, rows: &mut ConstraintRows) {
+    fn substep(&mut self, frames: &ArmFrames, mocap: &Mocap, rows: &mut ConstraintRows) {
         let Self { angles, velocities, warm_start } = self;
         let dynamics = Dynamics::new(frames, angles, velocities);
         rows.clear();

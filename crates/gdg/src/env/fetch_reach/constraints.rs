@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3};
 
 use super::dynamics::Dynamics;
-use super::model::Frames;
+use super::model::ArmFrames;
 use super::model::{CHAIN, JOINTS, Joints, Matrix, add_outer, add_scaled, dot, product, solve};
 
 const WELD_ROWS: usize = 6;
@@ -131,7 +131,7 @@ pub struct Mocap {
 }
 
 /// Adds the weld of `gripper_link` to `mocap`.
-pub fn weld(rows: &mut ConstraintRows, frames: &Frames, velocities: &Joints, mocap: &Mocap) {
+pub fn weld(rows: &mut ConstraintRows, frames: &ArmFrames, velocities: &Joints, mocap: &Mocap) {
     // vec(q^-1 mocap) is half the rotation vector between both.
     let turn = frames.orientation.conjugate() * mocap.orientation;
     let axis = DVec3::new(turn.x, turn.y, turn.z);
@@ -187,7 +187,7 @@ const SLIDING: f64 = 1.0;
 const TURNING: f64 = 0.05;
 
 /// Adds the contacts of the fingers' lower corners with the table.
-pub fn table(rows: &mut ConstraintRows, frames: &Frames, velocities: &Joints) {
+pub fn table(rows: &mut ConstraintRows, frames: &ArmFrames, velocities: &Joints) {
     if frames.gripper.z - FINGER_REACH > TABLE_TOP + MARGIN {
         return;
     }

@@ -3,7 +3,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::model::Frames;
+use super::model::ArmFrames;
 use super::model::Matrix;
 use super::model::{BODIES, CHAIN, JOINTS, Joints, point_inertia};
 
@@ -75,7 +75,7 @@ impl Inertia {
 }
 
 /// Returns each link's inertia.
-fn inertias(frames: &Frames) -> [Inertia; JOINTS] {
+fn inertias(frames: &ArmFrames) -> [Inertia; JOINTS] {
     let bodies = &*BODIES;
     std::array::from_fn(|i| {
         let (body, turn) = (&bodies[i], &frames.turns[i]);
@@ -99,7 +99,7 @@ pub struct Dynamics {
 
 impl Dynamics {
     /// Computes the mass matrix by composite inertias and the forces by recursive Newton-Euler.
-    pub fn new(frames: &Frames, angles: &Joints, velocities: &Joints) -> Self {
+    pub fn new(frames: &ArmFrames, angles: &Joints, velocities: &Joints) -> Self {
         let mut inertias = inertias(frames);
         let motions: [Spatial; JOINTS] = std::array::from_fn(|i| Spatial {
             angular: frames.axes[i],
@@ -145,7 +145,7 @@ mod tests {
     const VELOCITIES: Joints = [0.5, -0.3, 0.8, 0.2, -0.9, 0.4, -0.7];
 
     /// The mass matrix as the sum over the links of m JvᵀJv + JwᵀIJw.
-    fn mass_by_jacobians(frames: &Frames) -> Matrix {
+    fn mass_by_jacobians(frames: &ArmFrames) -> Matrix {
         let mut mass = [[0.0; JOINTS]; JOINTS];
         for (link, body) in BODIES.iter().enumerate() {
             let turn = frames.turns[link];
@@ -166,14 +166,14 @@ mod tests {
 
     /// Potential energy of gravity in J.
     fn potential(angles: &Joints) -> f64 {
-        let frames = Frames::new(angles);
+        let frames = ArmFrames::new(angles);
         let height = |i: usize| (frames.origins[i] + frames.turns[i] * BODIES[i].centre).z;
         (0..JOINTS).map(|i| GRAVITY * BODIES[i].mass * height(i)).sum()
     }
 
     /// Kinetic energy in J.
     fn kinetic(angles: &Joints) -> f64 {
-        dot(&VELOCITIES, &product(&mass_by_jacobians(&Frames::new(angles)), &VELOCITIES)) / 2.0
+        dot(&VELOCITIES, &product(&mass_by_jacobians(&ArmFrames::new(angles)), &VELOCITIES)) / 2.0
     }
 
     fn moved(i: usize, by: f64) -> Joints {
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn composite_inertias_and_jacobians_give_the_same_mass_matrix() {
-        let frames = Frames::new(&ANGLES);
+        let frames = ArmFrames::new(&ANGLES);
         let own = Dynamics::new(&frames, &ANGLES, &VELOCITIES).mass;
         for (own, other) in own.iter().flatten().zip(mass_by_jacobians(&frames).iter().flatten()) {
             assert!((own - other).abs() < 1e-12, "{own}, not {other}");
@@ -193,12 +193,12 @@ mod tests {
 
     #[test]
     fn forces_follow_lagranges_equations() {
-        let own = Dynamics::new(&Frames::new(&ANGLES), &ANGLES, &VELOCITIES).force;
+        let own = Dynamics::new(&ArmFrames::new(&ANGLES), &ANGLES, &VELOCITIES).force;
         let eps = 1e-5;
         // d/dt (M v) at constant v, by the change of M along v.
         let along = |sign: f64| -> Joints {
             let angles = std::array::from_fn(|k| ANGLES[k] + sign * eps * VELOCITIES[k]);
-            product(&mass_by_jacobians(&Frames::new(&angles)), &VELOCITIES)
+            product(&mass_by_jacobians(&ArmFrames::new(&angles)), &VELOCITIES)
         };
         let (ahead, behind) = (along(1.0), along(-1.0));
         for i in 0..JOINTS {

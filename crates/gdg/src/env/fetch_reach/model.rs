@@ -18,7 +18,7 @@ pub struct Joint {
     pub axis: usize,
     /// Lowest and highest angle in rad, with the inverse inertia that the reference gives a limit's
     /// row; `None` turns freely.
-    pub limits: Option<Limits>,
+    pub limits: Option<JointRange>,
     /// Viscous damping in N m s/rad.
     pub damping: f64,
     /// Inertia of the motor in kg m².
@@ -33,15 +33,15 @@ pub struct Joint {
 
 /// A joint's range.
 #[derive(Clone, Copy)]
-pub struct Limits {
+pub struct JointRange {
     pub low: f64,
     pub high: f64,
     /// Scale of the row's regularisation.
     pub inverse_inertia: f64,
 }
 
-const fn limits(low: f64, high: f64, inverse_inertia: f64) -> Limits {
-    Limits { low, high, inverse_inertia }
+const fn limits(low: f64, high: f64, inverse_inertia: f64) -> JointRange {
+    JointRange { low, high, inverse_inertia }
 }
 
 /// The torso frame in the world, in metres.
@@ -55,7 +55,7 @@ pub const BASE: DVec3 = DVec3::new(
 const fn joint(
     offset: [f64; 3],
     axis: usize,
-    limits: Option<Limits>,
+    limits: Option<JointRange>,
     [angle, velocity]: [f64; 2],
 ) -> Joint {
     let offset = DVec3::from_array(offset);
@@ -272,7 +272,7 @@ const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 
 /// The arm's frames in the world, by forward kinematics.
 #[derive(Clone, Copy, Debug)]
-pub struct Frames {
+pub struct ArmFrames {
     /// Each joint's origin in metres.
     pub origins: [DVec3; JOINTS],
     /// Each joint's axis, of length 1.
@@ -285,7 +285,7 @@ pub struct Frames {
     pub orientation: DQuat,
 }
 
-impl Frames {
+impl ArmFrames {
     /// Returns the frames at these joint angles.
     pub fn new(angles: &Joints) -> Self {
         let (mut at, mut orientation, mut turn) = (BASE, DQuat::IDENTITY, DMat3::IDENTITY);

@@ -1,4 +1,4 @@
-//! What the rest of the program can ask of an environment of Gymnasium beyond stepping it.
+//! The abilities of an environment of Gymnasium beyond stepping.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use super::pool::Pool;
+use super::worker_pool::Pool;
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::{
     Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Task,

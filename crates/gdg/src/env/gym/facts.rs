@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::worker::{Description, Worker};
+use super::worker::{EnvDescription, GymWorker};
 use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
@@ -49,7 +49,7 @@ const LEAST_RESOLVED: f32 = 16.0;
 
 /// What has been found out. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Found {
+pub struct EnvFacts {
     /// Sizes and scales.
     pub spec: Spec,
     /// Lengths of observations, of goals achieved beside them, and of goals desired.
@@ -62,14 +62,14 @@ pub struct Found {
     pub goals: Vec<f32>,
 }
 
-impl Found {
+impl EnvFacts {
     /// Returns the walls of the maze, if there is one and goals are positions in it.
-    pub fn maze_of<'a>(&self, about: &'a Description) -> Option<&'a Walls> {
+    pub fn maze_of<'a>(&self, about: &'a EnvDescription) -> Option<&'a Walls> {
         about.maze.as_ref().filter(|_| self.goal_columns.starts_with(&[0, 1]))
     }
 
     /// Checks what a checkpoint has kept.
-    pub fn check(&self, about: &Description) -> Result<(), StoreError> {
+    pub fn check(&self, about: &EnvDescription) -> Result<(), StoreError> {
         let (spec, within) = (&self.spec, |v: &f32| v.abs() <= MAX_MAGNITUDE);
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let scales = [&spec.state_centre, &spec.state_half_range, &spec.change_scale];
@@ -117,11 +117,11 @@ pub struct Seen {
 /// Finds out what the learner needs. `goal` and `radius` may be given: the components of the
 /// observation that are the goal, and the distance below which one is reached.
 pub fn find(
-    worker: &mut Worker,
-    about: &Description,
+    worker: &mut GymWorker,
+    about: &EnvDescription,
     goal: Option<&[usize]>,
     radius: Option<f32>,
-) -> Result<Found, EnvError> {
+) -> Result<EnvFacts, EnvError> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut seen = Seen::default();
     for i in 0..RESETS {
@@ -161,8 +161,8 @@ fn too_fine(spec: &Spec) -> Option<String> {
 
 /// Walks at random for an episode; returns its rows.
 fn walk(
-    worker: &mut Worker,
-    about: &Description,
+    worker: &mut GymWorker,
+    about: &EnvDescription,
     rng: &mut ChaCha8Rng,
 ) -> Result<Vec<Vec<f32>>, EnvError> {
     let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.0];
@@ -188,7 +188,11 @@ type Columns = (Vec<usize>, Vec<usize>, Vec<usize>);
 /// Finds the achieved goal within the observation; what is not found there is added to the state.
 /// `given` are the components of the observation that are the goal, for environments that have
 /// their goal in `info`; the first two by default.
-fn columns(seen: &Seen, about: &Description, given: Option<&[usize]>) -> Result<Columns, String> {
+fn columns(
+    seen: &Seen,
+    about: &EnvDescription,
+    given: Option<&[usize]>,
+) -> Result<Columns, String> {
     if about.achieved == 0 {
         let first: Vec<usize> = (0..about.observed.min(2)).collect();
         let own = given.unwrap_or(&first);
@@ -231,10 +235,10 @@ fn columns(seen: &Seen, about: &Description, given: Option<&[usize]>) -> Result<
 /// Computes scales from what has been seen.
 fn scales(
     seen: &Seen,
-    about: &Description,
+    about: &EnvDescription,
     (columns, achieved, goal_columns): Columns,
     goal_radius: f32,
-) -> Found {
+) -> EnvFacts {
     let pick = |numbers: &[f32], columns: &[usize]| -> Vec<f32> {
         columns.iter().map(|column| numbers[*column]).collect()
     };
@@ -278,7 +282,7 @@ fn scales(
     let are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
     let mut found =
-        Found { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() };
+        EnvFacts { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() };
     // Grids that are far finer than a maze learn noise, on which actors stand still.
     let cell = found.maze_of(about).map_or(goal_radius, Walls::cell_size);
     found.spec.position_scale = are_positions.then_some(cell);
@@ -317,8 +321,8 @@ mod tests {
     use crate::env::MOST_HALF_RANGES;
     use crate::env::tests::positions;
 
-    fn description(observed: usize, achieved: usize, goal: usize) -> Description {
-        Description {
+    fn description(observed: usize, achieved: usize, goal: usize) -> EnvDescription {
+        EnvDescription {
             observed,
             achieved,
             goal,
@@ -393,7 +397,7 @@ mod tests {
         assert_eq!((spec.change_scale[1], spec.change_scale[2]), (1.0, 3.0));
         assert_eq!(spec.position_scale, Some(spec.goal_radius), "240 is more than 12 radii");
         assert_eq!(found.check(&about), Ok(()));
-        let other = Description { observed: 5, ..about };
+        let other = EnvDescription { observed: 5, ..about };
         assert!(found.check(&other).is_err(), "another version of the environment");
     }
 

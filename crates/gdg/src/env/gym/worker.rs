@@ -1,5 +1,5 @@
-//! A worker: a Python interpreter that runs `worker.py`, at the other end of a socket. What it is
-//! asked for, and what it answers, is a kind and a length, then that many bytes, all little-endian.
+//! A worker: a Python interpreter that runs `worker.py`, at the other end of a socket. A message
+//! either way is a kind and a length, then that many bytes, all little-endian.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, ErrorKind, PipeReader, Read, Write};
@@ -93,7 +93,7 @@ enum Message {
 
 /// What a worker says of its environment. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Description {
+pub struct EnvDescription {
     /// Length of an observation.
     pub observed: usize,
     /// Length of the achieved goal that comes beside it; 0 if it is part of the observation.
@@ -115,7 +115,7 @@ pub struct Description {
     pub versions: BTreeMap<String, String>,
 }
 
-impl Description {
+impl EnvDescription {
     /// The length of a row: an observation and what is achieved.
     pub fn row(&self) -> usize {
         self.observed + self.achieved
@@ -195,15 +195,15 @@ struct Exception {
 }
 
 /// The latest lines that a worker has written.
-type Output = Arc<Mutex<VecDeque<String>>>;
+type LatestLines = Arc<Mutex<VecDeque<String>>>;
 
 /// A running worker. It ends when it is dropped, or with this process, and all that it has started
 /// with it.
-pub struct Worker {
+pub struct GymWorker {
     title: String,
     channel: UnixStream,
     child: Child,
-    output: Output,
+    output: LatestLines,
     reader: JoinHandle<()>,
     timeout: Duration,
     /// How long the present answer has been waited for while this program ran, and how long of that
@@ -220,17 +220,17 @@ pub struct Worker {
 }
 
 /// Its environments.
-impl Worker {
+impl GymWorker {
     /// Opens the environment and describes it.
-    pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<Description, EnvError> {
+    pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<EnvDescription, EnvError> {
         let config = serde_json::json!({ "package": package.unwrap_or_default(), "id": id });
         self.send(Message::Open, config.to_string().as_bytes())?;
         let reply = self.answer(Message::Open, MAX_TEXT_BYTES)?;
         self.environments = 1;
         // Errors to come have nothing to do with what it has written so far.
         self.output.lock().clear();
-        let found: Option<Description> = serde_json::from_slice(&reply).ok();
-        found.filter(Description::is_sound).ok_or_else(|| {
+        let found: Option<EnvDescription> = serde_json::from_slice(&reply).ok();
+        found.filter(EnvDescription::is_sound).ok_or_else(|| {
             self.fail("its worker describes it in a way that makes no sense".to_owned())
         })
     }
@@ -251,7 +251,7 @@ impl Worker {
     /// row, and the desired goal.
     pub fn reset(
         &mut self,
-        about: &Description,
+        about: &EnvDescription,
         environment: usize,
         seed: u32,
         task: Option<u32>,
@@ -269,14 +269,18 @@ impl Worker {
     }
 
     /// Steps the first environments by `actions`, `(environments, action_dim)`.
-    pub fn step(&mut self, about: &Description, actions: &[f32]) -> Result<Vec<Stepped>, EnvError> {
+    pub fn step(
+        &mut self,
+        about: &EnvDescription,
+        actions: &[f32],
+    ) -> Result<Vec<Stepped>, EnvError> {
         self.begin_step(about, actions)?;
         self.end_step(about, actions.len() / about.low.len())
     }
 
     /// Asks for a step, as [`Self::step`] does; [`Self::end_step`] returns its result. Actions lie
     /// in [-1, 1], or are [`REST`].
-    pub fn begin_step(&mut self, about: &Description, actions: &[f32]) -> Result<(), EnvError> {
+    pub fn begin_step(&mut self, about: &EnvDescription, actions: &[f32]) -> Result<(), EnvError> {
         let bounds = about.action_bounds().cycle();
         let actions = actions.iter().zip(bounds).map(|(a, to)| f64::from(scaled(*a, to)));
         self.send(Message::Step, &bytes(actions))
@@ -285,7 +289,7 @@ impl Worker {
     /// Returns the result of a step of `count` environments.
     pub fn end_step(
         &mut self,
-        about: &Description,
+        about: &EnvDescription,
         count: usize,
     ) -> Result<Vec<Stepped>, EnvError> {
         let length = about.row() + 1;
@@ -296,7 +300,7 @@ impl Worker {
     /// Returns what a row says if it can be computed with.
     fn checked(
         &mut self,
-        about: &Description,
+        about: &EnvDescription,
         during: &str,
         row: &[f64],
     ) -> Result<Stepped, EnvError> {
@@ -315,7 +319,7 @@ impl Worker {
 }
 
 /// Its process and the messages.
-impl Worker {
+impl GymWorker {
     /// Starts a worker for the environment called `title`; every answer has to come within
     /// `timeout`, or soon once `job` says that training is to stop.
     pub fn start(
@@ -346,7 +350,7 @@ impl Worker {
             .stdout(their_output.try_clone().map_err(unstarted)?)
             .stderr(their_output);
         let child = command.spawn().map_err(unstarted)?;
-        let lines = Output::default();
+        let lines = LatestLines::default();
         let reader = read_output(title.to_owned(), output, lines.clone()).map_err(unstarted)?;
         let mut worker = Self {
             title: title.to_owned(),
@@ -528,7 +532,7 @@ impl Worker {
     }
 }
 
-impl Drop for Worker {
+impl Drop for GymWorker {
     fn drop(&mut self) {
         self.begin_to_end();
         let left = |by: Instant| by.saturating_duration_since(Instant::now());
@@ -568,7 +572,7 @@ fn bytes(numbers: impl IntoIterator<Item = f64>) -> Vec<u8> {
 fn read_output(
     title: String,
     output: PipeReader,
-    lines: Output,
+    lines: LatestLines,
 ) -> std::io::Result<JoinHandle<()>> {
     let mut output = BufReader::new(output);
     let keep = move || {

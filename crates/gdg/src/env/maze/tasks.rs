@@ -51,7 +51,7 @@ pub fn at(
     per_distance: usize,
     rng: &mut ChaCha8Rng,
 ) -> TaskSet {
-    let mut pairs = Pairs::new(map, cells, diameter);
+    let mut pairs = TaskPairs::new(map, cells, diameter);
     let mut set = TaskSet::default();
     for &distance in distances {
         if distance == 0 || set.distances.contains(&Some(f64::from(distance))) {
@@ -119,7 +119,7 @@ pub fn longest(map: &Grid) -> Task {
 }
 
 /// Draws goals, and starts at a given distance from them.
-struct Pairs<'a> {
+struct TaskPairs<'a> {
     map: &'a Grid,
     cells: &'a [Cell],
     search: PointSearch,
@@ -127,7 +127,7 @@ struct Pairs<'a> {
     most: Vec<u32>,
 }
 
-impl<'a> Pairs<'a> {
+impl<'a> TaskPairs<'a> {
     fn new(map: &'a Grid, cells: &'a [Cell], diameter: Diameter) -> Self {
         let mut most = vec![UNREACHABLE; map.free().len()];
         let mut search = PointSearch::new(map);
@@ -313,7 +313,7 @@ mod tests {
             let diameter = Diameter::compute(&map);
             // Beyond the diameter there are no tasks; just below it, few goals have a start.
             for distance in [1, 2, diameter.steps / 2, diameter.steps - 3, diameter.steps + 2] {
-                let mut pairs = Pairs::new(&map, &cells, diameter);
+                let mut pairs = TaskPairs::new(&map, &cells, diameter);
                 let rngs = || ChaCha8Rng::seed_from_u64(u64::from(distance));
                 let (mut own, mut other) = (rngs(), rngs());
                 for _ in 0..5 {

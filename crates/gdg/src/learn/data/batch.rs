@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::env::Spec;
 use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
-use crate::learn::data::replay::{Moment, Replay};
+use crate::learn::data::replay::{Replay, StoredStep};
 use crate::learn::networks::returns::Returns;
 use crate::learn::settings::LearnSettings;
 
@@ -296,7 +296,7 @@ impl BatchSampler {
     fn push_goal(
         &self,
         replay: &Replay,
-        moment: Moment,
+        moment: StoredStep,
         left: usize,
         rng: &mut ChaCha8Rng,
         goals: &mut Vec<f32>,
@@ -332,7 +332,7 @@ impl BatchSampler {
     fn look_ahead(
         &self,
         replay: &Replay,
-        moment: Moment,
+        moment: StoredStep,
         last: usize,
         goal: &[f32],
     ) -> (usize, bool) {
@@ -342,8 +342,8 @@ impl BatchSampler {
 }
 
 /// Returns the moment `steps` later in the same agent's slots.
-fn later(moment: Moment, steps: usize) -> Moment {
-    Moment { slot: moment.slot + steps as u64, ..moment }
+fn later(moment: StoredStep, steps: usize) -> StoredStep {
+    StoredStep { slot: moment.slot + steps as u64, ..moment }
 }
 
 #[cfg(test)]

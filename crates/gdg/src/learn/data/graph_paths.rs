@@ -42,7 +42,7 @@ const MAX_STEPS_AFTER: f32 = 3.0;
 const MAX_SHARE_AFTER: f32 = 0.3;
 
 /// A path through the graph for one pair of the batch.
-struct Path {
+struct GraphPath {
     row: usize,
     /// b, as its number among the goals.
     end: usize,
@@ -71,10 +71,10 @@ pub fn follow_graph(
     let paths = find_paths(sampler, policy, known, batch, first, scratch);
     let DistancesByGoal { places: ends_at, steps, waypoints, .. } = known.by_goal;
     let mut queries = DistanceQueries::default();
-    for Path { row, start, .. } in &paths {
+    for GraphPath { row, start, .. } in &paths {
         queries.push(&batch.states[row * s..(row + 1) * s], known.goals.goal(*start));
     }
-    for Path { row, end, .. } in &paths {
+    for GraphPath { row, end, .. } in &paths {
         let b = ends_at[*end] as usize;
         let goal = &batch.goals[row * g..(row + 1) * g];
         queries.push(&known.states[b * s..(b + 1) * s], goal);
@@ -82,7 +82,7 @@ pub fn follow_graph(
     let (before, after) = queries.ask(policy, scratch).split_at(paths.len());
     let mut unled = DistanceQueries::default();
     let mut unled_rows = Vec::new();
-    for (Path { row, end, start, .. }, (before, after)) in
+    for (GraphPath { row, end, start, .. }, (before, after)) in
         paths.into_iter().zip(before.iter().zip(after))
     {
         let path = end * known.goals.len() + start;
@@ -119,8 +119,8 @@ fn find_paths(
     batch: &Batch,
     first: usize,
     scratch: &mut Scratch,
-) -> Vec<Path> {
-    let (mut paths, mut starts): (Vec<Path>, Vec<usize>) = (Vec::new(), Vec::new());
+) -> Vec<GraphPath> {
+    let (mut paths, mut starts): (Vec<GraphPath>, Vec<usize>) = (Vec::new(), Vec::new());
     let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
     let DistancesByGoal { goals, steps, .. } = known.by_goal;
     let least = if settings.actor_waypoints { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
@@ -137,7 +137,7 @@ fn find_paths(
         if steps(&start).is_finite() && steps(&start) >= least {
             let from = starts.len();
             starts.extend(around.iter().filter(|a| steps(a).is_finite()));
-            paths.push(Path { row, end, starts: from..starts.len(), start });
+            paths.push(GraphPath { row, end, starts: from..starts.len(), start });
             pairs.push(state, goal);
         }
     }
@@ -148,7 +148,7 @@ fn find_paths(
         starts[path.starts.clone()].iter().for_each(|a| queries.push(next, known.goals.goal(*a)));
     }
     let before = queries.ask(policy, scratch);
-    for Path { end, starts: own, start, .. } in &mut paths {
+    for GraphPath { end, starts: own, start, .. } in &mut paths {
         // Far ones come last: D' of the way to them has no overhead of hops, and would win.
         let cost = |k: usize| {
             let steps = before[k] + steps[*end * places + starts[k]];
@@ -169,7 +169,7 @@ mod tests {
     use crate::env::tests::positions;
     use crate::learn::LearnSettings;
     use crate::learn::data::known::tests::{by_goal, index};
-    use crate::learn::networks::policy::tests::Line;
+    use crate::learn::networks::policy::tests::LineWorld;
 
     /// Returns what becomes of a batch of pairs `from` these states to the same `goal` where distances
     /// of `places` are known.
@@ -195,7 +195,7 @@ mod tests {
             ..Batch::default()
         };
         change(&mut batch);
-        let policy = Line { wall: 300.0, next };
+        let policy = LineWorld { wall: 300.0, next };
         let sampler = BatchSampler { spec, settings: settings.clone(), returns: None };
         follow_graph(&sampler, &policy, &known, &mut batch, 1, &mut Scratch::default());
         batch

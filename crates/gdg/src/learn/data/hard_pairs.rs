@@ -120,7 +120,7 @@ mod tests {
     use crate::learn::LearnSettings;
     use crate::learn::data::known::DistancesByGoal;
     use crate::learn::data::known::tests::{by_goal, index};
-    use crate::learn::networks::policy::tests::Line;
+    use crate::learn::networks::policy::tests::LineWorld;
 
     #[test]
     fn the_pairs_chosen_are_those_whose_d_falls_furthest_short_of_the_graph() {
@@ -136,7 +136,7 @@ mod tests {
         let known = KnownDistances { states, goals, by_goal: &by_goal, changed: None };
         let choose = |known: &KnownDistances| {
             let (policy, mut rng) =
-                (Line { wall: 0.0, next: |s, _| s }, ChaCha8Rng::seed_from_u64(1));
+                (LineWorld { wall: 0.0, next: |s, _| s }, ChaCha8Rng::seed_from_u64(1));
             short_pairs(&spec, &policy, known, 100, &mut rng, &mut Scratch::default())
         };
         let chosen = choose(&known);
@@ -174,7 +174,7 @@ mod tests {
             ..Batch::default()
         };
         // A step at a time, but not beyond 50.
-        let policy = Line { wall: 0.0, next: |s, g| (s + (g - s).clamp(-1.0, 1.0)).min(50.0) };
+        let policy = LineWorld { wall: 0.0, next: |s, g| (s + (g - s).clamp(-1.0, 1.0)).min(50.0) };
         imagine_walks(&policy, &sampler, &mut batch, &mut Scratch::default());
         assert_eq!(batch.states, [30.0, 50.0, 30.0, 5.0, 30.0, 48.0]);
         assert_eq!(batch.goals, goals);

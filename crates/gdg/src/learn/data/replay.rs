@@ -58,7 +58,7 @@ impl ReplaySizes {
 
 /// A stored time step: an agent and the number of its slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Moment {
+pub struct StoredStep {
     /// The agent.
     pub agent: usize,
     /// The number of its slot, counted from the start of training.
@@ -85,7 +85,7 @@ impl Replay {
 
     /// Stores that `agent` took `action` in `state` while pursuing `goal`.
     pub(crate) fn push(&mut self, agent: usize, state: &[f32], action: &[f32], goal: &[f32]) {
-        let at = self.slot_index(Moment { agent, slot: self.written[agent] });
+        let at = self.slot_index(StoredStep { agent, slot: self.written[agent] });
         let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         self.states[at * s..(at + 1) * s].copy_from_slice(state);
         self.actions[at * a..(at + 1) * a].copy_from_slice(action);
@@ -99,7 +99,7 @@ impl Replay {
         let end = self.written[agent] - 1;
         let kept = self.oldest(agent).max(self.episode[agent]);
         for slot in kept..=end {
-            let at = self.slot_index(Moment { agent, slot });
+            let at = self.slot_index(StoredStep { agent, slot });
             self.left[at] = (end - slot).min(u64::from(u16::MAX)) as u16;
         }
         self.episode[agent] = end + 1;
@@ -109,7 +109,7 @@ impl Replay {
         self.written[agent].saturating_sub(self.capacity as u64)
     }
 
-    fn slot_index(&self, moment: Moment) -> usize {
+    fn slot_index(&self, moment: StoredStep) -> usize {
         moment.agent * self.capacity + (moment.slot % self.capacity as u64) as usize
     }
 
@@ -125,13 +125,13 @@ impl Replay {
         for agent in 0..self.agents {
             let mut left_behind: u16 = 0;
             for slot in (self.oldest(agent)..self.written[agent]).rev() {
-                let moment = Moment { agent, slot };
+                let moment = StoredStep { agent, slot };
                 let at = self.slot_index(moment);
                 let before = self.left[at] > 0;
                 // Only the last state of an episode has no action, or one of zeros.
                 let moved =
                     slot + 1 < self.written[agent] && self.action(moment).iter().any(|a| *a != 0.0);
-                let next = Moment { agent, slot: slot + 1 };
+                let next = StoredStep { agent, slot: slot + 1 };
                 let kept = (before || moved)
                     && possible(self.state(moment), self.action(moment), self.state(next))
                         .unwrap_or(before);
@@ -146,9 +146,9 @@ impl Replay {
 
     /// Returns all stored slots, agent by agent and in order, each with the number of steps left in its
     /// episode: none in an agent's last.
-    fn slots(&self) -> impl Iterator<Item = (Moment, usize)> {
+    fn slots(&self) -> impl Iterator<Item = (StoredStep, usize)> {
         let moments = (0..self.agents).flat_map(|agent| {
-            (self.oldest(agent)..self.written[agent]).map(move |slot| Moment { agent, slot })
+            (self.oldest(agent)..self.written[agent]).map(move |slot| StoredStep { agent, slot })
         });
         moments.map(|moment| (moment, self.steps_left(moment)))
     }
@@ -206,7 +206,7 @@ impl Replay {
         let from = self.episode[agent]
             .max(self.written[agent].saturating_sub(count as u64))
             .max(self.oldest(agent));
-        (from..self.written[agent]).map(move |slot| self.state(Moment { agent, slot }))
+        (from..self.written[agent]).map(move |slot| self.state(StoredStep { agent, slot }))
     }
 
     pub(crate) fn agents(&self) -> usize {
@@ -228,7 +228,7 @@ impl Replay {
     }
 
     /// Returns the number of steps stored after `moment` in its episode.
-    pub(crate) fn steps_left(&self, moment: Moment) -> usize {
+    pub(crate) fn steps_left(&self, moment: StoredStep) -> usize {
         if moment.slot >= self.episode[moment.agent] {
             (self.written[moment.agent] - 1 - moment.slot) as usize
         } else {
@@ -240,7 +240,7 @@ impl Replay {
     /// these steps.
     ///
     /// It loops forever if the replay holds no transition; that of an update holds one.
-    pub fn sample(&self, rng: &mut ChaCha8Rng) -> (Moment, usize) {
+    pub fn sample(&self, rng: &mut ChaCha8Rng) -> (StoredStep, usize) {
         loop {
             let moment = self.sample_any(rng);
             let left = self.steps_left(moment);
@@ -252,12 +252,12 @@ impl Replay {
 
     /// Draws a random moment, followed by a stored step, among the latest `slots` of an agent;
     /// `None` if a few draws find no such step.
-    pub(crate) fn sample_recent(&self, slots: u64, rng: &mut ChaCha8Rng) -> Option<Moment> {
+    pub(crate) fn sample_recent(&self, slots: u64, rng: &mut ChaCha8Rng) -> Option<StoredStep> {
         (0..RECENT_DRAWS).find_map(|_| {
             let agent = rng.random_range(0..self.agents);
             let to = self.written[agent];
             let from = self.oldest(agent).max(to.saturating_sub(slots));
-            let moment = Moment {
+            let moment = StoredStep {
                 agent,
                 slot: if from < to { rng.random_range(from..to) } else { return None },
             };
@@ -266,30 +266,30 @@ impl Replay {
     }
 
     /// Draws a random stored moment, ends of episodes included.
-    pub(crate) fn sample_any(&self, rng: &mut ChaCha8Rng) -> Moment {
+    pub(crate) fn sample_any(&self, rng: &mut ChaCha8Rng) -> StoredStep {
         loop {
             let agent = rng.random_range(0..self.agents);
             let (from, to) = (self.oldest(agent), self.written[agent]);
             if from < to {
-                return Moment { agent, slot: rng.random_range(from..to) };
+                return StoredStep { agent, slot: rng.random_range(from..to) };
             }
         }
     }
 
     /// Returns the state at `moment`.
-    pub fn state(&self, moment: Moment) -> &[f32] {
+    pub fn state(&self, moment: StoredStep) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.state;
         &self.states[at..at + self.sizes.state]
     }
 
     /// Returns the action taken at `moment`.
-    pub fn action(&self, moment: Moment) -> &[f32] {
+    pub fn action(&self, moment: StoredStep) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.action;
         &self.actions[at..at + self.sizes.action]
     }
 
     /// Returns the goal pursued at `moment`.
-    pub fn goal(&self, moment: Moment) -> &[f32] {
+    pub fn goal(&self, moment: StoredStep) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.goal;
         &self.goals[at..at + self.sizes.goal]
     }
@@ -337,7 +337,7 @@ impl Replay {
             let (written, episode) = (self.written[agent], self.episode[agent]);
             // Slots of an ongoing episode have no end yet.
             let is_valid = |slot: u64| {
-                let left = self.left[self.slot_index(Moment { agent, slot })];
+                let left = self.left[self.slot_index(StoredStep { agent, slot })];
                 slot >= episode || slot + u64::from(left) < episode
             };
             episode <= written && (self.oldest(agent)..written).all(is_valid)
@@ -474,7 +474,7 @@ mod tests {
         replay.copy_episodes_into(&mut other);
         assert_eq!(other.written, [15, 15], "spread evenly");
         assert_eq!(states(&other), states(&replay));
-        assert_eq!(other.steps_left(Moment { agent: 1, slot: 6 }), 3);
+        assert_eq!(other.steps_left(StoredStep { agent: 1, slot: 6 }), 3);
     }
 
     /// Returns a replay that has filled one agent's slots and some of the other's, with states
@@ -546,7 +546,7 @@ mod tests {
         (6..8).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
         replay.end_episode(0, &[8.0]);
         let left = |replay: &Replay| {
-            (0..9).map(|slot| replay.steps_left(Moment { agent: 0, slot })).collect::<Vec<_>>()
+            (0..9).map(|slot| replay.steps_left(StoredStep { agent: 0, slot })).collect::<Vec<_>>()
         };
         let before = left(&replay);
         assert_eq!(before, [5, 4, 3, 2, 1, 0, 2, 1, 0]);
@@ -567,7 +567,7 @@ mod tests {
             (0..20).for_each(|i| replay.push(agent, &[i as f32], &[1.0], &[0.0]));
             replay.end_episode(agent, &[20.0]);
         }
-        let drawn: Vec<Moment> =
+        let drawn: Vec<StoredStep> =
             (0..200).filter_map(|_| replay.sample_recent(5, &mut rng)).collect();
         assert!(drawn.len() > 150 && drawn.iter().all(|m| (16..20).contains(&m.slot)), "{drawn:?}");
         assert_eq!(replay.sample_recent(0, &mut rng), None);

@@ -4,7 +4,7 @@
 use std::f32::consts::PI;
 
 use crate::env::{MOST_HALF_RANGES, Spec};
-use crate::learn::networks::grid::{CHANNELS, GridReads, GridShape, TableView};
+use crate::learn::networks::grid_encoding::{CHANNELS, GridReads, GridShape, TableView};
 use crate::learn::networks::mlp::{Activations, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::LearnSettings;

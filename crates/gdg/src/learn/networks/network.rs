@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::learn::error::LearnError;
 use crate::learn::kernels::kernel::{self, AdamRate, BETA};
-use crate::learn::networks::grid::{
+use crate::learn::networks::grid_encoding::{
     CHANNELS, GridReads, GridShape, LINE, LazyAverageView, TableView,
 };
 use crate::learn::networks::mlp::{Mlp, Packed};
@@ -32,7 +32,7 @@ type Guards<'a, T> = (RwLockReadGuard<'a, Storage>, RwLockReadGuard<'a, T>);
 /// A network's weights, locked for reading.
 pub struct LockedNetwork<'a> {
     dense: Guards<'a, DenseState>,
-    table: Option<(&'a Table, Guards<'a, TableState>)>,
+    table: Option<(&'a GridTable, Guards<'a, TableState>)>,
 }
 
 impl LockedNetwork<'_> {
@@ -43,7 +43,7 @@ impl LockedNetwork<'_> {
             Some((average, packed)) => (&average[..], packed),
             None => (slice(numbers)?, &state.packed),
         };
-        let Some((Table { decay, .. }, (lines, state))) = &self.table else {
+        let Some((GridTable { decay, .. }, (lines, state))) = &self.table else {
             return Ok(Weights { dense, packed, table: None });
         };
         let TableState { stored, steps, .. } = &**state;
@@ -76,7 +76,7 @@ impl OwnedWeights {
 #[derive(Debug)]
 pub struct Network {
     pub dense: Dense,
-    pub table: Option<Table>,
+    pub table: Option<GridTable>,
 }
 
 impl Network {
@@ -88,7 +88,7 @@ impl Network {
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
         let dense = Dense::new(mlp, &mlp.initial(rng), tau.is_some())?;
-        let table = grid.map(|grid| Table::new(&grid.initial(rng), tau)).transpose()?;
+        let table = grid.map(|grid| GridTable::new(&grid.initial(rng), tau)).transpose()?;
         Ok(Self { dense, table })
     }
 
@@ -127,7 +127,7 @@ impl Network {
 
     /// Writes the full training state under names that begin with `name`.
     pub fn save(&self, name: &str, store: &mut Store) -> Result<()> {
-        let table = self.table.as_ref().map(Table::state).transpose()?;
+        let table = self.table.as_ref().map(GridTable::state).transpose()?;
         for (part, values) in self.dense.state()?.into_iter().chain(table.into_iter().flatten()) {
             store.put_numbers(format!("{name}.{part}"), values);
         }
@@ -324,7 +324,7 @@ const LAST: &str = "table_last";
 
 /// A table with its training state.
 #[derive(Debug)]
-pub struct Table {
+pub struct GridTable {
     /// `(corners, 4, channels)`: the rows of each corner.
     pub lines: Var,
     /// `decay[k] = (1 - tau)^k`; empty for a table without an average.
@@ -342,7 +342,7 @@ struct TableState {
     sums: Vec<[f32; CHANNELS]>,
 }
 
-impl Table {
+impl GridTable {
     /// Creates a table with initial `values` `(corners, channels)`, and a running average if `tau`
     /// is given.
     fn new(values: &[f32], tau: Option<f32>) -> Result<Self> {

@@ -234,12 +234,12 @@ pub(in crate::learn) mod tests {
 
     /// A world of one axis: D is the straight line, and `wall` steps longer across 50; the actor
     /// leads from s to `next(s, g)`.
-    pub struct Line {
+    pub struct LineWorld {
         pub wall: f32,
         pub next: fn(f32, f32) -> f32,
     }
 
-    impl Policy for Line {
+    impl Policy for LineWorld {
         fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
             for (out, (s, g)) in out.iter_mut().zip(states.iter().zip(goals)) {
                 let wall = if (*s < 50.0) == (*g < 50.0) { 0.0 } else { self.wall };
@@ -250,7 +250,7 @@ pub(in crate::learn) mod tests {
         fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
     }
 
-    impl Imagine for Line {
+    impl Imagine for LineWorld {
         fn step(&self, states: &[f32], goals: &[f32], next: &mut Vec<f32>, _: &mut Scratch) {
             next.clear();
             next.extend(states.iter().zip(goals).map(|(s, g)| (self.next)(*s, *g)));

@@ -3,7 +3,7 @@
 
 use crate::env::Spec;
 use crate::learn::networks::encoder::{Encoder, Pairs, Workspace, is_repeated, resized};
-use crate::learn::networks::grid::GridReads;
+use crate::learn::networks::grid_encoding::GridReads;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::returns::{Returns, Reward, typical_step};

@@ -8,7 +8,7 @@ use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::Nets;
 use crate::learn::networks::returns::straight_gradient;
 use crate::learn::networks::shapes::{Shapes, sigmoid, softplus};
-use crate::learn::update::parts::{Buffers, Gradient, Part, Rows};
+use crate::learn::update::parts::{BatchPart, Buffers, Gradient, Rows};
 
 /// Weight of the squared excess of the actor's outputs over their bound.
 pub const EXCESS_WEIGHT: f32 = 0.1;
@@ -23,7 +23,7 @@ const WAY_OUT_OUTPUT: f32 = 2.0;
 impl Shapes {
     /// Computes the actor's gradient on part number `i` of the batch, after
     /// [`Self::gradients`] and a step of the other networks, which are frozen.
-    pub fn actor_gradient(&self, batch: &Batch, i: usize, nets: &Nets, part: &mut Part) {
+    pub fn actor_gradient(&self, batch: &Batch, i: usize, nets: &Nets, part: &mut BatchPart) {
         let rows = Rows::new(self, batch, i);
         let Some(gradient) = part.gradients.last_mut() else { return };
         gradient.prepare(self.actor.parameters());

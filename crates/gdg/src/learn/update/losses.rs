@@ -8,7 +8,7 @@ use crate::learn::networks::policy::Nets;
 use crate::learn::networks::returns::Returns;
 use crate::learn::networks::shapes::{Shapes, sigmoid, softplus};
 use crate::learn::settings::LossScale;
-use crate::learn::update::parts::{Buffers, Gradient, Part, Rows, mispredicted};
+use crate::learn::update::parts::{BatchPart, Buffers, Gradient, Rows, mispredicted};
 
 /// Errors of the dynamics model count linearly beyond this many typical changes: what is typical may
 /// have been seen before an agent had got hold of anything.
@@ -23,7 +23,7 @@ impl Shapes {
         i: usize,
         current: &Nets,
         averaged: &Nets,
-        Part { gradients, losses, buffers }: &mut Part,
+        BatchPart { gradients, losses, buffers }: &mut BatchPart,
     ) {
         let rows = Rows::new(self, batch, i);
         self.encoder.plain_pairs(rows.states, rows.goals, &mut buffers.plain);

@@ -10,7 +10,7 @@ use crate::learn::data::batch::Batch;
 use crate::learn::networks::encoder::{Encoder, Pairs, SharedFeatures};
 use crate::learn::networks::network::{LearningRates, Network, TouchedCorners};
 use crate::learn::networks::shapes::{Shapes, Workspaces};
-use crate::learn::update::report::Losses;
+use crate::learn::update::profile::Losses;
 
 /// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend
 /// on the number of threads and are summed in order, so the results do not depend on it either.
@@ -176,7 +176,7 @@ impl Gradient {
 
 /// What one task computes from its part of a batch.
 #[derive(Default)]
-pub struct Part {
+pub struct BatchPart {
     /// Of each network.
     pub gradients: Vec<Gradient>,
     pub losses: Losses,
@@ -213,7 +213,7 @@ pub fn step_half(
     half: Half,
     touched: &TouchedCorners,
     rates: LearningRates,
-    parts: &[Mutex<Part>],
+    parts: &[Mutex<BatchPart>],
 ) -> Result<()> {
     let exchange = |taken: &mut [Vec<f32>]| {
         for (part, own) in parts.iter().zip(taken) {

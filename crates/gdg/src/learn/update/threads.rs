@@ -77,12 +77,12 @@ const TRIAL_EVERY: Duration = Duration::from_millis(200);
 
 /// Seconds per update, averaged.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pace {
+struct UpdateTime {
     seconds: f64,
     updates: f64,
 }
 
-impl Pace {
+impl UpdateTime {
     fn add(&mut self, seconds: f64, kept: f64) {
         self.seconds = self.seconds * kept + seconds;
         self.updates = self.updates * kept + 1.0;
@@ -100,7 +100,7 @@ struct Trial {
     /// Index of the number.
     at: usize,
     /// All but the first update, which wakes threads and fills their caches.
-    pace: Pace,
+    pace: UpdateTime,
     /// Time of the first update.
     first: Option<f64>,
 }
@@ -111,7 +111,7 @@ pub struct Chooser {
     /// The numbers that are tried, ascending.
     numbers: Vec<usize>,
     /// What is known of each.
-    paces: Vec<Pace>,
+    paces: Vec<UpdateTime>,
     /// Index of the number in use, but for trials.
     usual: usize,
     trial: Option<Trial>,
@@ -130,7 +130,7 @@ impl Chooser {
         let numbers: Vec<usize> =
             doubled.take_while(|n| *n < most).chain(std::iter::once(most)).collect();
         Self {
-            paces: vec![Pace::default(); numbers.len()],
+            paces: vec![UpdateTime::default(); numbers.len()],
             usual: numbers.len() - 1,
             numbers,
             trial: None,
@@ -164,7 +164,7 @@ impl Chooser {
         };
         trial.pace.add(took, 1.0);
         self.trial = Some(trial);
-        let Pace { seconds, updates } = trial.pace;
+        let UpdateTime { seconds, updates } = trial.pace;
         let slowness = seconds / updates / self.paces[self.usual].mean().unwrap_or(f64::INFINITY);
         let fails = updates >= FIRST_LOOK && slowness > FAR_SLOWER
             || updates >= SECOND_LOOK && slowness > 1.0;
@@ -202,7 +202,7 @@ impl Chooser {
             }
             if self.goes_up { up.or(down) } else { down.or(up) }
         })?;
-        Some(Trial { at, pace: Pace::default(), first: None })
+        Some(Trial { at, pace: UpdateTime::default(), first: None })
     }
 }
 
@@ -248,7 +248,7 @@ mod tests {
             (|now| now.as_secs() % 2 == 1, &[400, 1_000]),
         ];
         let fixed = |number| {
-            let paces = vec![Pace::default()];
+            let paces = vec![UpdateTime::default()];
             Chooser { numbers: vec![number], paces, usual: 0, ..Chooser::new(1) }
         };
         for most in [1, 2, 3, 4, 6] {

@@ -6,8 +6,8 @@ use std::io::Cursor;
 use png::{BitDepth, ColorType, Compression, Decoder, Encoder, EncodingError, Transformations};
 
 use super::super::grid::{Grid, MAX_SIDE, is_size, size_limits};
-use super::super::text::{MapError, MapResult, error_at_byte};
-use super::{MapFormat, Mark, Source, grid, marks};
+use super::super::text_file::{MapError, MapResult, error_at_byte};
+use super::{CellMark, MapFormat, Source, grid, marks};
 
 pub const PNG: MapFormat = MapFormat {
     name: "png",
@@ -84,15 +84,15 @@ impl Image {
         help: &str,
     ) -> MapResult<Grid> {
         let mark = |pixel: &[u8; 3]| match (pixel[0], pixel[1], pixel[2]) {
-            (BRIGHT.., BRIGHT.., ..=DARK) => Mark::Both,
-            (BRIGHT.., ..=DARK, ..=DARK) => Mark::Goal,
-            (..=DARK, BRIGHT.., ..=DARK) => Mark::Start,
+            (BRIGHT.., BRIGHT.., ..=DARK) => CellMark::Both,
+            (BRIGHT.., ..=DARK, ..=DARK) => CellMark::Goal,
+            (..=DARK, BRIGHT.., ..=DARK) => CellMark::Start,
             _ => {
                 let sum: u16 = pixel.iter().map(|channel| u16::from(*channel)).sum();
-                if is_wall(f32::from(sum) / 765.0) { Mark::Wall } else { Mark::Free }
+                if is_wall(f32::from(sum) / 765.0) { CellMark::Wall } else { CellMark::Free }
             }
         };
-        let marks: Vec<Mark> = self.pixels.iter().map(mark).collect();
+        let marks: Vec<CellMark> = self.pixels.iter().map(mark).collect();
         grid(source, self.width, &marks, help)
     }
 }
@@ -129,11 +129,11 @@ fn decode_png(file: &str, bytes: &[u8]) -> MapResult<Image> {
 
 fn encode_png(grid: &Grid) -> Result<Vec<u8>, EncodingError> {
     let colour = |mark| match mark {
-        Mark::Wall => [0, 0, 0],
-        Mark::Free => [255, 255, 255],
-        Mark::Start => [0, 176, 0],
-        Mark::Goal => [224, 0, 0],
-        Mark::Both => [240, 200, 0],
+        CellMark::Wall => [0, 0, 0],
+        CellMark::Free => [255, 255, 255],
+        CellMark::Start => [0, 176, 0],
+        CellMark::Goal => [224, 0, 0],
+        CellMark::Both => [240, 200, 0],
     };
     let pixels: Vec<u8> = marks(grid).flatten().flat_map(colour).collect();
     let mut file = Vec::new();
@@ -199,6 +199,6 @@ fn decode_pgm(file: &str, bytes: &[u8]) -> MapResult<Image> {
 /// Returns a map as a binary PGM.
 pub fn encode_pgm(grid: &Grid) -> Vec<u8> {
     let header = format!("P5\n{} {}\n255\n", grid.width(), grid.height());
-    let grey = |mark| if mark == Mark::Wall { 0 } else { 255 };
+    let grey = |mark| if mark == CellMark::Wall { 0 } else { 255 };
     header.into_bytes().into_iter().chain(marks(grid).flatten().map(grey)).collect()
 }

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use roxmltree::{Document, Node};
 
 use super::super::grid::Grid;
-use super::super::text::{MapError, MapResult, Place, Text};
-use super::{MapFormat, Mark, MarkRows, Source, marks};
+use super::super::text_file::{MapError, MapResult, TextFile, TextPosition};
+use super::{CellMark, MapFormat, MarkRows, Source, marks};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "tiled",
@@ -31,19 +31,19 @@ const MOST_ATTRIBUTES: usize = 100;
 /// Pixels of a written tile along each side.
 const TILE: usize = 16;
 
-fn is_tiled(text: &Text) -> bool {
+fn is_tiled(text: &TextFile) -> bool {
     text.source.trim_start().starts_with('<')
         && text.source.contains("<map")
         && text.source.contains("<layer")
 }
 
 /// Creates an error about an element.
-fn fault(text: &Text, node: Node, problem: impl Into<String>, help: &str) -> Box<MapError> {
+fn fault(text: &TextFile, node: Node, problem: impl Into<String>, help: &str) -> Box<MapError> {
     text.error_at(text.place_of(node.range().start), problem, help)
 }
 
 /// Refuses elements with too many attributes; comments have none.
-fn check_attributes(text: &Text) -> MapResult<()> {
+fn check_attributes(text: &TextFile) -> MapResult<()> {
     let is_full = |tag: &&str| tag.matches('=').count() > MOST_ATTRIBUTES && !tag.starts_with('!');
     let full = text.source.split('<').find(is_full);
     let full = full.map(|tag| tag.as_ptr() as usize - text.source.as_ptr() as usize - 1);
@@ -59,7 +59,7 @@ fn read(source: &Source) -> MapResult<Grid> {
     check_attributes(text)?;
     let document = Document::parse(text.source).map_err(|error| {
         let at = error.pos();
-        let place = Place { line: at.row as usize - 1, column: at.col as usize - 1 };
+        let place = TextPosition { line: at.row as usize - 1, column: at.col as usize - 1 };
         text.error_at(place, format!("this is not XML: {error}"), HELP)
     })?;
     let root = document.root_element();
@@ -71,7 +71,7 @@ fn read(source: &Source) -> MapResult<Grid> {
     let layers: Vec<Node> = root.descendants().filter(|node| node.has_tag_name("layer")).collect();
     let named: Vec<Node> = layers.iter().filter(|layer| is_wall(**layer)).copied().collect();
     let (width, height) = (size(text, root, "width")?, size(text, root, "height")?);
-    let mut cells: Vec<Mark> = Vec::new();
+    let mut cells: Vec<CellMark> = Vec::new();
     for layer in if named.is_empty() { &layers } else { &named } {
         let own = tiles(text, *layer, width, height)?;
         if offset(text, *layer)? != [0.0; 2] {
@@ -79,21 +79,21 @@ fn read(source: &Source) -> MapResult<Grid> {
             let help = "set the offset of the layer, and of those that it is in, to 0";
             return Err(fault(text, *layer, problem, help));
         }
-        cells.resize(own.len(), Mark::Free);
+        cells.resize(own.len(), CellMark::Free);
         let walls = cells.iter_mut().zip(own).filter(|(_, tile)| *tile);
-        walls.for_each(|(cell, _)| *cell = Mark::Wall);
+        walls.for_each(|(cell, _)| *cell = CellMark::Wall);
     }
     mark_objects(text, root, width, &mut cells)?;
     let mut rows = MarkRows::new(text);
     for row in cells.chunks(width) {
         row.iter().try_for_each(|cell| rows.push(*cell))?;
-        rows.end_row(Place::default())?;
+        rows.end_row(TextPosition::default())?;
     }
     rows.finish(source, WALLS)
 }
 
 /// Returns an attribute of the map that is a size.
-fn size(text: &Text, root: Node, name: &str) -> MapResult<usize> {
+fn size(text: &TextFile, root: Node, name: &str) -> MapResult<usize> {
     let value = root.attribute(name).unwrap_or_default();
     let problem = || format!("{name} {value:?} of the map is not a size");
     let size = value.parse().ok().filter(|size| *size > 0);
@@ -101,7 +101,7 @@ fn size(text: &Text, root: Node, name: &str) -> MapResult<usize> {
 }
 
 /// Returns where a layer has tiles.
-fn tiles(text: &Text, layer: Node, width: usize, height: usize) -> MapResult<Vec<bool>> {
+fn tiles(text: &TextFile, layer: Node, width: usize, height: usize) -> MapResult<Vec<bool>> {
     let data = layer.children().find(|node| node.has_tag_name("data"));
     let data = data.ok_or_else(|| fault(text, layer, "this layer has no data", HELP))?;
     let encoding = data.attribute("encoding").unwrap_or("XML");
@@ -136,7 +136,7 @@ fn names<'a>(node: Node<'a, '_>) -> impl Iterator<Item = String> + 'a {
 }
 
 /// Returns an attribute that is a number, 0 if there is none.
-fn number(text: &Text, node: Node, name: &str) -> MapResult<f32> {
+fn number(text: &TextFile, node: Node, name: &str) -> MapResult<f32> {
     let Some(value) = node.attribute(name) else { return Ok(0.0) };
     let wrong = || fault(text, node, format!("{name} {value:?} is not a number"), HELP);
     value.parse().ok().filter(|value: &f32| value.is_finite()).ok_or_else(wrong)
@@ -149,14 +149,14 @@ fn is_wall(node: Node) -> bool {
 }
 
 /// Returns by how many pixels a layer is moved, or what is in one.
-fn offset(text: &Text, node: Node) -> MapResult<[f32; 2]> {
+fn offset(text: &TextFile, node: Node) -> MapResult<[f32; 2]> {
     node.ancestors().try_fold([0.0; 2], |[x, y], node| {
         Ok([x + number(text, node, "offsetx")?, y + number(text, node, "offsety")?])
     })
 }
 
 /// Returns the middle of an object, in pixels.
-fn middle(text: &Text, object: Node) -> MapResult<[f32; 2]> {
+fn middle(text: &TextFile, object: Node) -> MapResult<[f32; 2]> {
     let number = |name| number(text, object, name);
     let (right, down) = (number("width")? / 2.0, number("height")? / 2.0);
     // A tile stands on its place, all else hangs from it; both turn around it.
@@ -168,10 +168,15 @@ fn middle(text: &Text, object: Node) -> MapResult<[f32; 2]> {
 }
 
 /// Marks the cells under objects called start and goal, or in layers of that name.
-fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> MapResult<()> {
+fn mark_objects(
+    text: &TextFile,
+    root: Node,
+    width: usize,
+    cells: &mut [CellMark],
+) -> MapResult<()> {
     let mark = |name: String| match name.as_str() {
-        "start" | "starts" | "s" => Some(Mark::Start),
-        "goal" | "goals" | "g" => Some(Mark::Goal),
+        "start" | "starts" | "s" => Some(CellMark::Start),
+        "goal" | "goals" | "g" => Some(CellMark::Goal),
         _ => None,
     };
     let is_object = |node: &Node| {
@@ -201,9 +206,9 @@ fn mark_objects(text: &Text, root: Node, width: usize, cells: &mut [Mark]) -> Ma
         let at = inside.then(|| (y as usize).saturating_mul(width).saturating_add(x as usize));
         match at.and_then(|at| cells.get_mut(at)) {
             None => return Err(unfit("this object is not on the map", WALLS)),
-            Some(Mark::Wall) => return Err(unfit("this object is in a wall", WALLS)),
-            Some(cell) if *cell == Mark::Free || *cell == mark => *cell = mark,
-            Some(cell) => *cell = Mark::Both,
+            Some(CellMark::Wall) => return Err(unfit("this object is in a wall", WALLS)),
+            Some(cell) if *cell == CellMark::Free || *cell == mark => *cell = mark,
+            Some(cell) => *cell = CellMark::Both,
         }
     }
     Ok(())
@@ -213,7 +218,9 @@ fn write(grid: &Grid) -> String {
     let (width, height) = (grid.width(), grid.height());
     let row = |row: Vec<&str>| row.join(",");
     let rows: Vec<String> = marks(grid)
-        .map(|cells| row(cells.map(|mark| if mark == Mark::Wall { "1" } else { "0" }).collect()))
+        .map(|cells| {
+            row(cells.map(|mark| if mark == CellMark::Wall { "1" } else { "0" }).collect())
+        })
         .collect();
     let mut objects = String::new();
     let named = grid.starts().iter().map(|cell| ("start", cell));

@@ -9,9 +9,9 @@ use std::str::FromStr;
 use saphyr_parser::{Event, Parser, StrInput};
 
 use super::super::grid::{Cell, Grid, MAX_CELLS, is_size, size_limits};
-use super::super::text::{MapResult, Place, Text, read_file};
+use super::super::text_file::{MapResult, TextFile, TextPosition, read_file};
 use super::images::encode_pgm;
-use super::{Image, MapFormat, Mark, Source, grid, marks, name_of};
+use super::{CellMark, Image, MapFormat, Source, grid, marks, name_of};
 
 pub const ROS: MapFormat = MapFormat {
     name: "ros",
@@ -53,7 +53,7 @@ const MAX_NODES: usize = 1 << 22;
 /// A value of a YAML document, with its place.
 #[derive(Debug)]
 pub struct Node<'a> {
-    pub place: Place,
+    pub place: TextPosition,
     value: Value<'a>,
 }
 
@@ -65,10 +65,10 @@ enum Value<'a> {
 }
 
 /// Returns the root of the document that begins at byte `from`. Tags are ignored.
-pub fn tree_from<'a>(text: &'a Text<'a>, from: usize) -> MapResult<Node<'a>> {
+pub fn tree_from<'a>(text: &'a TextFile<'a>, from: usize) -> MapResult<Node<'a>> {
     let first = text.place_of(from);
     let parser = Parser::new_from_str(&text.source[from..]);
-    let mut reader = Reader { text, parser, first, left: MAX_NODES };
+    let mut reader = YamlReader { text, parser, first, left: MAX_NODES };
     let nothing = || text.line_error(0, "there is nothing but comments", "give a file with a map");
     let root = reader.node(MAX_DEPTH)?.ok_or_else(nothing)?;
     match reader.next()? {
@@ -81,22 +81,22 @@ pub fn tree_from<'a>(text: &'a Text<'a>, from: usize) -> MapResult<Node<'a>> {
 }
 
 /// What is left to read of a document.
-struct Reader<'a> {
-    text: &'a Text<'a>,
+struct YamlReader<'a> {
+    text: &'a TextFile<'a>,
     parser: Parser<'a, StrInput<'a>>,
     /// Where it begins.
-    first: Place,
+    first: TextPosition,
     /// Values that it may still have.
     left: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> YamlReader<'a> {
     /// Returns the next event and its place.
-    fn next(&mut self) -> MapResult<Option<(Event<'a>, Place)>> {
+    fn next(&mut self) -> MapResult<Option<(Event<'a>, TextPosition)>> {
         let first = self.first;
         let place = |line: usize, column: usize| match line.saturating_sub(1) {
-            0 => Place { column: column + first.column, ..first },
-            more => Place { line: more + first.line, column },
+            0 => TextPosition { column: column + first.column, ..first },
+            more => TextPosition { line: more + first.line, column },
         };
         for event in self.parser.by_ref() {
             match event {
@@ -166,7 +166,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Returns a value as it is in the text, if it is, instead of a copy: a map may have millions.
-    fn borrowed(&self, at: Place, value: Cow<'a, str>) -> Cow<'a, str> {
+    fn borrowed(&self, at: TextPosition, value: Cow<'a, str>) -> Cow<'a, str> {
         let line = self.text.lines.get(at.line);
         let written = line.and_then(|line| line.get(at.column..)?.get(..value.len()));
         written.filter(|written| *written == value).map_or(value, Cow::Borrowed)
@@ -180,12 +180,12 @@ impl Node<'_> {
         entries.iter().find(|(name, _)| name == key).map(|(_, value)| value)
     }
 
-    fn wanted(&self, text: &Text, key: &str, help: &str) -> MapResult<&Self> {
+    fn wanted(&self, text: &TextFile, key: &str, help: &str) -> MapResult<&Self> {
         let missing = || text.error_at(self.place, format!("the key {key} is missing"), help);
         self.get(key).ok_or_else(missing)
     }
 
-    pub fn list(&self, text: &Text, help: &str) -> MapResult<&[Self]> {
+    pub fn list(&self, text: &TextFile, help: &str) -> MapResult<&[Self]> {
         match &self.value {
             Value::List(values) => Ok(values),
             _ => Err(text.error_at(self.place, "this is not a list", help)),
@@ -193,14 +193,14 @@ impl Node<'_> {
     }
 
     /// Returns a value that is not made of others.
-    pub fn scalar(&self, text: &Text, what: &str, help: &str) -> MapResult<&str> {
+    pub fn scalar(&self, text: &TextFile, what: &str, help: &str) -> MapResult<&str> {
         match &self.value {
             Value::Scalar(value) => Ok(value),
             _ => Err(text.error_at(self.place, format!("this is not {what}"), help)),
         }
     }
 
-    fn parsed<T: FromStr>(&self, text: &Text, what: &str, help: &str) -> MapResult<T> {
+    fn parsed<T: FromStr>(&self, text: &TextFile, what: &str, help: &str) -> MapResult<T> {
         let value = self.scalar(text, what, help)?;
         let other = || text.error_at(self.place, format!("{value:?} is not {what}"), help);
         value.parse().map_err(|_| other())
@@ -208,7 +208,7 @@ impl Node<'_> {
 }
 
 /// Whether a line begins with `key:`.
-fn has_key(text: &Text, key: &str) -> bool {
+fn has_key(text: &TextFile, key: &str) -> bool {
     let is_key = |line: &str| {
         line.trim_start().strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with(':'))
     };
@@ -240,7 +240,7 @@ fn read_ros(source: &Source) -> MapResult<Grid> {
 }
 
 /// Returns whether a pixel of this brightness, from 0 to 1, is a wall.
-fn ros_walls(text: &Text, root: &Node) -> MapResult<impl Fn(f32) -> bool + use<>> {
+fn ros_walls(text: &TextFile, root: &Node) -> MapResult<impl Fn(f32) -> bool + use<>> {
     let number = |key: &str, otherwise: f32| match root.get(key) {
         None => Ok(otherwise),
         Some(node) => node.parsed(text, "a number", ROS_KEYS),
@@ -282,24 +282,24 @@ fn write_ros(name: &str) -> String {
 }
 
 /// Whether a text begins like a map for planners.
-pub fn is_mapf(text: &Text) -> bool {
+pub fn is_mapf(text: &TextFile) -> bool {
     has_key(text, "dimensions") && has_key(text, "obstacles")
 }
 
 /// Whether a text is such a map with agents.
-pub fn has_agents(text: &Text) -> bool {
+pub fn has_agents(text: &TextFile) -> bool {
     let has_start = ["start:", "start\":"].iter().any(|key| text.source.contains(key));
     is_mapf(text) && has_key(text, "agents") && has_start
 }
 
 /// A task of one agent: cells, and where they are in the file.
-pub struct Agent {
-    pub start: (Cell, Place),
-    pub goal: (Cell, Place),
+pub struct AgentTask {
+    pub start: (Cell, TextPosition),
+    pub goal: (Cell, TextPosition),
 }
 
 /// Returns a pair of numbers, such as a cell. A third one, for a height, is ignored.
-fn pair(text: &Text, node: &Node) -> MapResult<(usize, usize)> {
+fn pair(text: &TextFile, node: &Node) -> MapResult<(usize, usize)> {
     let number = |node: &Node| node.parsed(text, "a number of cells", MAPF_KEYS);
     match node.list(text, MAPF_KEYS)? {
         [x, y] | [x, y, _] => Ok((number(x)?, number(y)?)),
@@ -307,7 +307,7 @@ fn pair(text: &Text, node: &Node) -> MapResult<(usize, usize)> {
     }
 }
 
-fn cell(text: &Text, node: &Node, (width, height): (usize, usize)) -> MapResult<Cell> {
+fn cell(text: &TextFile, node: &Node, (width, height): (usize, usize)) -> MapResult<Cell> {
     let (x, y) = pair(text, node)?;
     if x < width && y < height {
         return Ok(Cell::new(x, y));
@@ -321,7 +321,7 @@ fn map_of<'a, 'b>(root: &'b Node<'a>) -> &'b Node<'a> {
     root.get("map").filter(|map| map.get("dimensions").is_some()).unwrap_or(root)
 }
 
-fn dimensions(text: &Text, root: &Node) -> MapResult<(usize, usize)> {
+fn dimensions(text: &TextFile, root: &Node) -> MapResult<(usize, usize)> {
     let node = map_of(root).wanted(text, "dimensions", MAPF_KEYS)?;
     let (width, height) = pair(text, node)?;
     if width.max(height) <= MAX_CELLS && is_size(width, height) {
@@ -335,20 +335,20 @@ fn read_mapf(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
     let root = tree_from(text, 0)?;
     let (width, height) = dimensions(text, &root)?;
-    let mut marks = vec![Mark::Free; width * height];
+    let mut marks = vec![CellMark::Free; width * height];
     let obstacles = map_of(&root).wanted(text, "obstacles", MAPF_KEYS)?;
     // A map without obstacles may have the key without a value.
     let has_none =
         matches!(&obstacles.value, Value::Scalar(v) if ["", "~", "null"].contains(&&**v));
     for node in if has_none { &[] } else { obstacles.list(text, MAPF_KEYS)? } {
         let Cell { x, y } = cell(text, node, (width, height))?;
-        marks[y * width + x] = Mark::Wall;
+        marks[y * width + x] = CellMark::Wall;
     }
     grid(source, width, &marks, MAPF_KEYS)
 }
 
 /// Returns the size of the map that agents are on, and the agents, of which there is one at least.
-pub fn agents(text: &Text) -> MapResult<((usize, usize), Vec<Agent>)> {
+pub fn agents(text: &TextFile) -> MapResult<((usize, usize), Vec<AgentTask>)> {
     let root = tree_from(text, 0)?;
     let size = dimensions(text, &root)?;
     let nodes = root.wanted(text, "agents", MAPF_KEYS)?;
@@ -357,7 +357,7 @@ pub fn agents(text: &Text) -> MapResult<((usize, usize), Vec<Agent>)> {
             let node = node.wanted(text, key, MAPF_KEYS)?;
             Ok((cell(text, node, size)?, node.place))
         };
-        Ok(Agent { start: at("start")?, goal: at("goal")? })
+        Ok(AgentTask { start: at("start")?, goal: at("goal")? })
     };
     let agents = nodes.list(text, MAPF_KEYS)?.iter().map(agent).collect::<MapResult<Vec<_>>>()?;
     if agents.is_empty() {
@@ -374,7 +374,7 @@ fn write_mapf(grid: &Grid) -> String {
     let agents = grid.starts().iter().zip(grid.goals()).enumerate().map(|(i, (start, goal))| {
         format!("- name: agent{i}\n  start: {}\n  goal: {}\n", cell(start), cell(goal))
     });
-    let walls = marks(grid).flatten().enumerate().filter(|(_, mark)| *mark == Mark::Wall);
+    let walls = marks(grid).flatten().enumerate().filter(|(_, mark)| *mark == CellMark::Wall);
     let walls = walls.map(|(i, _)| format!("  - {}\n", cell(&grid.cell(i))));
     let (width, height) = (grid.width(), grid.height());
     format!(

@@ -11,10 +11,10 @@ use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::settings::Effect;
 use crate::store::Store;
-use crate::train::config::list_settings;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::{SETTINGS, Settings};
+use crate::train::settings_file::list_settings;
 
 /// An edit may affect the steps that begin this near to its region, in steps.
 const AFFECTED_STEPS: f32 = 2.0;

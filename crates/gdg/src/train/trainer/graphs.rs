@@ -11,7 +11,7 @@ use std::time::Duration;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::{Result, Stream, Trainer, stream};
+use super::{RandomStream, Result, Trainer, stream};
 use crate::bridge::{BridgeGraph, Candidates, StoredGraph};
 use crate::env::Region;
 use crate::job::{Job, Running};
@@ -326,7 +326,7 @@ impl Trainer {
     }
 
     fn graph_rng(&self, at: u64) -> ChaCha8Rng {
-        let mut rng = stream(self.run.seed, Stream::Graph);
+        let mut rng = stream(self.run.seed, RandomStream::Graph);
         rng.set_word_pos(u128::from(at) << 34);
         rng
     }

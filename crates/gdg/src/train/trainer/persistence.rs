@@ -1,5 +1,5 @@
-//! What is kept of a run: in a checkpoint, and to recover from non-finite numbers or from a panic in the
-//! middle of a tick.
+//! The state of a run: saved in checkpoints, and kept to recover from non-finite numbers or a panic
+//! in the middle of a tick.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use crate::train::history::History;
 use crate::train::memory;
 use crate::train::registry::Registry;
 use crate::train::run::Run;
-use crate::train::score::Success;
+use crate::train::score::SuccessSummary;
 use crate::train::settings::OutOfRange;
 
 /// Updates between checks of all weights; networks that pass are kept for rollback.
@@ -182,7 +182,7 @@ pub struct About {
     pub run: Run,
     pub updates: u64,
     /// Latest evaluation result, if the run was evaluated before saving.
-    pub success: Option<Success>,
+    pub success: Option<SuccessSummary>,
 }
 
 impl Trainer {

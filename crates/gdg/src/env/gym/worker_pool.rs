@@ -1,0 +1,264 @@
+//! How an environment is opened, and the pool of its idle workers.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use parking_lot::Mutex;
+use serde::{Deserialize, Serialize};
+
+use super::facts::{self, EnvFacts};
+use super::worker::{EnvDescription, GymWorker};
+use crate::env::EnvError;
+use crate::job::Job;
+use crate::store::StoreError;
+use crate::text::truncated;
+
+/// Most characters of a name, and of one that is quoted.
+const MAX_CHARS: usize = 200;
+
+/// How a Gymnasium environment is called, and the package to import first.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Address {
+    /// The package, if it is not one of those that are tried.
+    pub package: Option<String>,
+    /// The environment's ID.
+    pub id: String,
+}
+
+impl FromStr for Address {
+    type Err = String;
+
+    /// Parses `ID` or `PACKAGE:ID`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (package, id) = match text.split_once(':') {
+            Some((package, id)) => (Some(package), id),
+            None => (None, text),
+        };
+        let is_name = |part: &str| {
+            part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+                && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        };
+        if let Some(package) = package.filter(|package| !package.split('.').all(is_name)) {
+            return Err(format!(
+                "{} is not the name of a Python package: give gym:ID or gym:PACKAGE:ID",
+                truncated(package, MAX_CHARS)
+            ));
+        }
+        if let Some(module) = package.and_then(|package| package.strip_suffix(".py")) {
+            return Err(format!("a Python module is named without .py: give gym:{module}:{id}"));
+        }
+        let is_id = |c: char| c.is_ascii_alphanumeric() || "_-./".contains(c);
+        if id.is_empty() || id.len() > MAX_CHARS || !id.chars().all(is_id) {
+            return Err(format!(
+                "{:?} is not the ID of an environment: give gym:ID, as gym:PointMaze_UMaze-v3",
+                truncated(id, MAX_CHARS)
+            ));
+        }
+        Ok(Self { package: package.map(str::to_owned), id: id.to_owned() })
+    }
+}
+
+impl fmt::Display for Address {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let package = self.package.iter().flat_map(|package| [package.as_str(), ":"]);
+        package.chain([self.id.as_str()]).try_for_each(|part| f.write_str(part))
+    }
+}
+
+/// How environments of Gymnasium are run, and what is not found out about them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GymOptions {
+    /// The interpreter; by default that of the active virtual environment, or else `python3`.
+    pub python: Option<PathBuf>,
+    /// Components of the observation that are the goal, for environments without `achieved_goal`.
+    pub goal: Option<Vec<usize>>,
+    /// Distance below which a goal is reached, in the environment's unit.
+    pub goal_radius: Option<f32>,
+    /// Processes that the environments of the agents are spread over.
+    pub workers: usize,
+    /// Longest time for any answer.
+    pub timeout: Duration,
+    /// Whether worlds of checkpoints are only looked at: no process is started, and their agents
+    /// cannot act.
+    pub reads_only: bool,
+}
+
+impl Default for GymOptions {
+    fn default() -> Self {
+        Self {
+            python: None,
+            goal: None,
+            goal_radius: None,
+            workers: 1,
+            timeout: Duration::from_mins(1),
+            reads_only: false,
+        }
+    }
+}
+
+impl GymOptions {
+    /// Returns the interpreter to start.
+    pub fn interpreter(&self) -> PathBuf {
+        let active = || {
+            let folder = PathBuf::from(std::env::var_os("VIRTUAL_ENV")?);
+            let own = if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" };
+            Some(folder.join(own)).filter(|python| python.exists())
+        };
+        self.python.clone().or_else(active).unwrap_or_else(|| "python3".into())
+    }
+}
+
+/// What all worlds of one environment share.
+pub struct Pool {
+    pub address: Address,
+    pub options: GymOptions,
+    /// What its workers say of it.
+    pub about: EnvDescription,
+    /// What has been found out.
+    pub found: EnvFacts,
+    /// Says when training is to stop.
+    pub job: Arc<Mutex<Job>>,
+    /// What its users should know and have not been told yet.
+    pub warnings: Mutex<Vec<String>>,
+    /// Whether it has been said that an episode could not be repeated.
+    said: AtomicBool,
+    pub idle: Mutex<Vec<GymWorker>>,
+}
+
+impl Pool {
+    /// Opens an environment. What the learner needs is found out unless that has been done before.
+    pub fn open(
+        address: Address,
+        options: &GymOptions,
+        found: Option<EnvFacts>,
+    ) -> Result<Self, EnvError> {
+        let job = Arc::default();
+        let (mut worker, about) = start(&address, options, &job)?;
+        let is_new = found.is_none();
+        let found = match found {
+            Some(found) => found,
+            None => facts::find(&mut worker, &about, options.goal.as_deref(), options.goal_radius)?,
+        };
+        let mut pool = Self::unopened(address, options, about, found)?;
+        pool.job = job;
+        pool.idle.lock().push(worker);
+        let warnings: Vec<String> = pool.about.warnings().filter(|_| is_new).collect();
+        warnings.iter().for_each(|warning| pool.warn(warning));
+        Ok(pool)
+    }
+
+    /// Returns what a checkpoint knows of an environment, which is not opened.
+    pub fn only_read(
+        address: Address,
+        options: &GymOptions,
+        about: EnvDescription,
+        found: EnvFacts,
+    ) -> Result<Self, EnvError> {
+        if !about.is_sound() {
+            let problem = "what it stores of its environment makes no sense";
+            return Err(StoreError::inconsistent(problem).into());
+        }
+        Self::unopened(address, options, about, found)
+    }
+
+    fn unopened(
+        address: Address,
+        options: &GymOptions,
+        about: EnvDescription,
+        found: EnvFacts,
+    ) -> Result<Self, EnvError> {
+        found.check(&about)?;
+        Ok(Self {
+            address,
+            options: options.clone(),
+            about,
+            found,
+            job: Arc::default(),
+            warnings: Mutex::default(),
+            said: AtomicBool::new(false),
+            idle: Mutex::default(),
+        })
+    }
+
+    /// Keeps a warning until it is shown.
+    fn warn(&self, warning: &str) {
+        log::warn!("{}: {warning}", self.address.id);
+        self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));
+    }
+
+    /// Warns, once, that an agent begins a new episode, and why.
+    pub fn warn_of_new_episode(&self, why: &str) {
+        if !self.said.swap(true, Ordering::Relaxed) {
+            self.warn(&format!("the agents begin new episodes: {why}"));
+        }
+    }
+
+    /// Returns a worker with at least this number of environments.
+    pub fn take(&self, environments: usize) -> Result<GymWorker, EnvError> {
+        let idle = {
+            let mut idle = self.idle.lock();
+            let enough = idle.iter().position(|worker| worker.environments >= environments);
+            let found = enough.or_else(|| idle.len().checked_sub(1));
+            found.map(|i| idle.swap_remove(i))
+        };
+        let mut worker = idle.map_or_else(|| self.start(), Ok)?;
+        worker.make(environments)?;
+        Ok(worker)
+    }
+
+    /// Starts a worker.
+    pub fn start(&self) -> Result<GymWorker, EnvError> {
+        Ok(start(&self.address, &self.options, &self.job)?.0)
+    }
+}
+
+impl Drop for Pool {
+    /// Has all workers end at once; each is then waited for.
+    fn drop(&mut self) {
+        self.idle.get_mut().iter_mut().for_each(GymWorker::begin_to_end);
+    }
+}
+
+/// Starts a worker and has it open its environment.
+fn start(
+    address: &Address,
+    options: &GymOptions,
+    job: &Arc<Mutex<Job>>,
+) -> Result<(GymWorker, EnvDescription), EnvError> {
+    let (python, timeout) = (options.interpreter(), options.timeout);
+    let mut worker = GymWorker::start(&python, &address.id, timeout, job.clone())?;
+    let about = worker.open(address.package.as_deref(), &address.id)?;
+    Ok((worker, about))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_package_and_an_id_are_told_apart_and_what_is_no_name_is_refused_and_safe_to_show() {
+        for text in ["my.own_package:Maze-v0", "space/Maze-v0"] {
+            let address: Address = text.parse().expect(text);
+            assert_eq!(
+                (address.to_string(), &*address.id == text),
+                (text.to_owned(), !text.contains(':'))
+            );
+        }
+        for (text, wrong) in [
+            ("", "is not the ID"),
+            ("a b:Maze-v0", "is not the name of a Python package"),
+            ("os;x:Maze-v0", "is not the name of a Python package"),
+            ("package:", "is not the ID"),
+            ("package:two:Maze-v0", "is not the ID"),
+            ("mazes.py:Maze-v0", "is named without .py: give gym:mazes:Maze-v0"),
+            ("\u{1b}[2J", "is not the ID"),
+        ] {
+            let error = text.parse::<Address>().expect_err(text);
+            assert!(error.contains(wrong) && !error.contains('\u{1b}'), "{text:?}: {error}");
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! What an update reports: its losses, and the time spent in each phase of training.
+
+use std::iter::Sum;
+use std::time::{Duration, Instant};
+
+/// Losses of one update, each a mean over the batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Weighted squared error on the chosen scale, averaged over the critics.
+    pub critic: f32,
+    /// |f(s, a) - s'|^2, with each component in units of its change scale.
+    pub model: f32,
+    /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there; 0 in rows
+    /// from which the actor does not learn.
+    pub actor: f32,
+}
+
+impl Losses {
+    /// Returns a loss, unless it is 0: the learner has no such network, or has not updated it yet.
+    pub fn known(loss: f32) -> Option<f32> {
+        (loss != 0.0).then_some(loss)
+    }
+}
+
+impl Sum for Losses {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(Self::default(), |sum, part| Self {
+            critic: sum.critic + part.critic,
+            model: sum.model + part.model,
+            actor: sum.actor + part.actor,
+        })
+    }
+}
+
+/// A phase of training that is timed on its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrainingPhase {
+    /// Acting, the environment, candidates and bridge searches.
+    Explore,
+    /// Drawing batches from the replay.
+    Sample,
+    /// Losses and gradients of critics and model.
+    CriticModelGradients,
+    /// Optimiser steps and averages of critics and model.
+    CriticModelSteps,
+    /// The actor's loss and gradient, through model and critic.
+    ActorGradient,
+    /// The actor's optimiser step and average.
+    ActorStep,
+    /// Building the bridge graph and its distances for distillation.
+    Graph,
+}
+
+impl TrainingPhase {
+    /// All phases, in order.
+    pub const ALL: [Self; 7] = [
+        Self::Explore,
+        Self::Sample,
+        Self::CriticModelGradients,
+        Self::CriticModelSteps,
+        Self::ActorGradient,
+        Self::ActorStep,
+        Self::Graph,
+    ];
+
+    /// Returns its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Explore => "explore: act, step, store",
+            Self::Sample => "sample the batch",
+            Self::CriticModelGradients => "gradients of critics and model",
+            Self::CriticModelSteps => "steps of critics and model",
+            Self::ActorGradient => "gradient of the actor",
+            Self::ActorStep => "step of the actor",
+            Self::Graph => "bridge graph",
+        }
+    }
+}
+
+/// Time spent in each phase.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Profile([Duration; TrainingPhase::ALL.len()]);
+
+impl Profile {
+    /// Adds the time since `began` to `phase`; returns the current time.
+    pub fn lap(&mut self, phase: TrainingPhase, began: Instant) -> Instant {
+        let now = Instant::now();
+        self.0[phase as usize] += now - began;
+        now
+    }
+
+    /// Returns the time spent in `phase`.
+    pub fn spent(&self, phase: TrainingPhase) -> Duration {
+        self.0[phase as usize]
+    }
+}

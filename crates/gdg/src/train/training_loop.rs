@@ -1,0 +1,232 @@
+//! The training loop of all front ends: ticks, and what is due between them.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use super::TrainError;
+use super::run::{EndReason, Limits, Tick};
+use super::trainer::{Recovery, Trainer};
+use crate::env::EnvError;
+
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum EvaluateAt {
+    #[default]
+    Never,
+    /// After each multiple of this number of updates.
+    EveryUpdates(u64),
+    /// After these numbers of updates, ascending.
+    Updates(Vec<u64>),
+    /// Once for each of these numbers of episodes, ascending. Several may be passed by one step.
+    Episodes(Vec<u64>),
+    /// Once for each of these numbers of environment steps, ascending, after the updates due then.
+    EnvSteps(Vec<u64>),
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Schedule {
+    pub progress_every_updates: Option<u64>,
+    /// The number of updates after which each edit of the world is due.
+    pub edits: Vec<u64>,
+    pub evaluate: EvaluateAt,
+    pub save_every: Option<Duration>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Due {
+    /// Report that training was rolled back to earlier networks.
+    Recovery(Recovery),
+    Progress,
+    /// Make the edit with this index in [`Schedule::edits`].
+    Edit(usize),
+    /// Evaluate the run, also if it has reached its limit.
+    Evaluation,
+    Save,
+}
+
+/// Runs a trainer tick by tick and reports what is due in between.
+///
+/// A front end alternates: it does all that [`Self::next_due`] returns, then calls [`Self::tick`].
+#[derive(Debug)]
+pub struct TrainingLoop {
+    schedule: Schedule,
+    due: VecDeque<Due>,
+    /// Evaluations that have been due so far; one that is not finite leaves no trace in the
+    /// history.
+    evaluations: usize,
+    saved_at: Instant,
+}
+
+impl TrainingLoop {
+    pub fn new(schedule: Schedule) -> Self {
+        Self { schedule, due: VecDeque::new(), evaluations: 0, saved_at: Instant::now() }
+    }
+
+    /// Like [`Self::new`], for a run that may have been stopped between a tick and what was due
+    /// after it: the edits at its present update, and an evaluation that has not been made.
+    pub fn resume(schedule: Schedule, trainer: &Trainer) -> Self {
+        let made = trainer.history().evaluations();
+        let mut session = Self { evaluations: made.len(), ..Self::new(schedule) };
+        let updates = trainer.counters().updates;
+        let is_evaluated = made.last().is_some_and(|(at, _)| *at == updates);
+        session.add_edits(updates);
+        session.add_evaluations(trainer, updates > 0 && !is_evaluated);
+        session
+    }
+
+    pub fn next_due(&mut self) -> Option<Due> {
+        self.due.pop_front()
+    }
+
+    /// Runs one tick, unless training is to stop or has reached one of `limits`.
+    pub fn tick(
+        &mut self,
+        trainer: &mut Trainer,
+        limits: &Limits,
+    ) -> Result<ControlFlow<EndReason, Tick>, TrainError> {
+        if trainer.job().is_cancelled() {
+            return Ok(ControlFlow::Break(EndReason::Interrupted));
+        }
+        if let Some(reason) = trainer.limit_reached(limits) {
+            return Ok(ControlFlow::Break(reason));
+        }
+        crate::faults::point("trainer");
+        let tick = match trainer.tick() {
+            Err(TrainError::Env(EnvError::Stopped)) => {
+                return Ok(ControlFlow::Break(EndReason::Interrupted));
+            }
+            ticked => ticked?,
+        };
+        self.due.extend(trainer.take_recovery().map(Due::Recovery));
+        let updates = (tick == Tick::Update).then(|| trainer.counters().updates);
+        if let Some(updates) = updates {
+            let progress = self.schedule.progress_every_updates;
+            if progress.is_some_and(|every| updates.is_multiple_of(every)) {
+                self.due.push_back(Due::Progress);
+            }
+            self.add_edits(updates);
+        }
+        self.add_evaluations(trainer, updates.is_some());
+        // It waits while a run diverges: a rollback before saving would make the run depend on when
+        // it is saved, and its next updates roll back anyway.
+        let is_time = |every| self.saved_at.elapsed() >= every;
+        if updates.is_some()
+            && self.schedule.save_every.is_some_and(is_time)
+            && trainer.is_finite()?
+        {
+            self.due.push_back(Due::Save);
+            self.saved_at = Instant::now();
+        }
+        Ok(ControlFlow::Continue(tick))
+    }
+
+    fn add_edits(&mut self, updates: u64) {
+        let edits = self.schedule.edits.iter().enumerate();
+        self.due.extend(edits.filter(|(_, at)| **at == updates).map(|(i, _)| Due::Edit(i)));
+    }
+
+    /// Adds the evaluations that are due; `is_new_update` says whether the latest update has not
+    /// been evaluated yet.
+    fn add_evaluations(&mut self, trainer: &Trainer, is_new_update: bool) {
+        let counters = trainer.counters();
+        let missing = |marks: &[u64], done: u64| {
+            marks.partition_point(|mark| *mark <= done).saturating_sub(self.evaluations)
+        };
+        let count = match &self.schedule.evaluate {
+            EvaluateAt::EveryUpdates(every) => {
+                usize::from(is_new_update && counters.updates.is_multiple_of(*every))
+            }
+            EvaluateAt::Updates(marks) => {
+                usize::from(is_new_update && marks.binary_search(&counters.updates).is_ok())
+            }
+            EvaluateAt::Episodes(marks) => missing(marks, counters.episodes),
+            EvaluateAt::EnvSteps(marks) if !trainer.is_update_due() => {
+                missing(marks, counters.env_steps)
+            }
+            EvaluateAt::Never | EvaluateAt::EnvSteps(_) => 0,
+        };
+        self.evaluations += count;
+        self.due.extend(std::iter::repeat_n(Due::Evaluation, count));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::small_run;
+
+    fn trainer() -> Trainer {
+        small_run("gdg", 1)
+    }
+
+    fn course(
+        session: &mut TrainingLoop,
+        trainer: &mut Trainer,
+        limits: Limits,
+    ) -> (Vec<(u64, Due)>, EndReason) {
+        let mut all = Vec::new();
+        loop {
+            let updates = trainer.counters().updates;
+            all.extend(std::iter::from_fn(|| session.next_due()).map(|due| (updates, due)));
+            if let ControlFlow::Break(reason) = session.tick(trainer, &limits).expect("it trains") {
+                return (all, reason);
+            }
+        }
+    }
+
+    #[test]
+    fn after_an_update_come_progress_edits_evaluation_and_save() {
+        let schedule = Schedule {
+            progress_every_updates: Some(4),
+            edits: vec![4, 2, 4],
+            evaluate: EvaluateAt::EveryUpdates(4),
+            save_every: Some(Duration::from_hours(1)),
+        };
+        let limits = Limits { updates: Some(5), ..Limits::default() };
+        let (all, reason) = course(&mut TrainingLoop::new(schedule), &mut trainer(), limits);
+        let (edit, at_four) = (Due::Edit, |due| (4, due));
+        let expected = [Due::Progress, edit(0), edit(2), Due::Evaluation].map(at_four);
+        assert_eq!(all, [vec![(2, edit(1))], expected.to_vec()].concat());
+        assert_eq!(reason, EndReason::MaxUpdates);
+    }
+
+    #[test]
+    fn marks_that_one_step_passes_together_are_each_evaluated_once() {
+        let schedule =
+            Schedule { evaluate: EvaluateAt::EnvSteps(vec![1, 2, 300]), ..Schedule::default() };
+        let limits = Limits { env_steps: Some(300), ..Limits::default() };
+        let (mut session, mut trainer) = (TrainingLoop::new(schedule.clone()), trainer());
+        let (all, reason) = course(&mut session, &mut trainer, limits);
+        assert_eq!(all.iter().map(|(_, due)| *due).collect::<Vec<_>>(), [Due::Evaluation; 3]);
+        assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
+        assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
+        let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
+        trainer.record_evaluation(trainer.moment(), evaluation);
+        let mut resumed = TrainingLoop::resume(schedule, &trainer);
+        assert_eq!(std::iter::from_fn(|| resumed.next_due()).count(), 2, "one of three is made");
+    }
+
+    #[test]
+    fn what_a_stop_has_prevented_is_due_when_the_run_is_resumed() {
+        let schedule = Schedule {
+            progress_every_updates: Some(1),
+            edits: vec![3],
+            evaluate: EvaluateAt::Updates(vec![3]),
+            ..Schedule::default()
+        };
+        let mut trainer = trainer();
+        let limits = Limits { updates: Some(3), ..Limits::default() };
+        course(&mut TrainingLoop::new(Schedule::default()), &mut trainer, limits);
+        let due = |trainer: &Trainer| {
+            let mut session = TrainingLoop::resume(schedule.clone(), trainer);
+            std::iter::from_fn(|| session.next_due()).collect::<Vec<_>>()
+        };
+        assert_eq!(due(&trainer), [Due::Edit(0), Due::Evaluation]);
+        let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
+        trainer.record_evaluation(trainer.moment(), evaluation);
+        assert_eq!(due(&trainer), [Due::Edit(0)]);
+        trainer.job().cancel();
+        let ended = TrainingLoop::new(schedule).tick(&mut trainer, &Limits::default());
+        assert_eq!(ended.expect("no tick"), ControlFlow::Break(EndReason::Interrupted));
+    }
+}

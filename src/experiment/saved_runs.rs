@@ -1,0 +1,401 @@
+//! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
+//! records.
+
+mod read_records;
+mod reader;
+
+use std::cmp::Ordering;
+use std::collections::HashSet;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use jiff::Timestamp;
+use miette::{Report, miette};
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::folder::read_result;
+use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
+use crate::host::errors::from_checkpoint_error;
+use crate::host::saves::{ago, files_in, rate};
+use gdg::files::{has_extension, is_hidden};
+use gdg::job::Job;
+use gdg::text::{aligned, counted, grouped, sanitized};
+use gdg::train::{Evaluation, is_checkpoint, read_history};
+pub use reader::{FoundRuns, RunReader};
+
+/// Records that have not grown for this long are not of a running run.
+const QUIET: Duration = Duration::from_mins(1);
+
+/// The fingerprint of the world of a run whose map was edited: there were several.
+pub const EDITED: &str = "edited";
+
+const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
+                    checkpoint, or the records of gdg-tui --no-ui in a file";
+
+/// A run with its evaluations, or a file that has none that can be read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SavedRun {
+    pub source: PathBuf,
+    pub kind: RunKind,
+    pub written: Option<SystemTime>,
+    /// What has become of it; unknown of records without an end.
+    pub end: Option<RunState>,
+    /// Its map, or the world if there is none.
+    pub map: String,
+    /// What tells that apart from others of its name, if it is known; [`EDITED`] if it changed.
+    pub fingerprint: Option<String>,
+    pub method: String,
+    pub variant: Option<String>,
+    /// The preset, and the settings that differ from it.
+    pub settings: Vec<String>,
+    pub seed: u64,
+    /// Updates from which these records go on; 0 for a run from its beginning.
+    pub begun: u64,
+    /// The checkpoint that they go on from, if they say so.
+    pub resumed: Option<PathBuf>,
+    pub updates: u64,
+    pub evaluations: Vec<EvaluationAt>,
+    /// Its checkpoint, if it is known to have had one.
+    pub checkpoint: Option<PathBuf>,
+    /// Its other files, which are not listed besides.
+    pub others: Vec<PathBuf>,
+    /// Why it cannot be read, or the first line of its records that cannot, as it follows the name
+    /// of the file: `:3: not a record`.
+    pub problem: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RunKind {
+    #[default]
+    Records,
+    Result,
+    Checkpoint,
+    /// Nothing: the file, or the folder, cannot be read.
+    Damaged,
+}
+
+/// What has become of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunState {
+    Done,
+    /// It was saved, and can go on.
+    Saved,
+    Interrupted,
+    /// It goes on: its records grow.
+    Running,
+    /// Its records have neither an end nor grown lately.
+    CutOff,
+}
+
+impl RunState {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Saved => "saved",
+            Self::Interrupted => "stopped",
+            Self::Running => "running",
+            Self::CutOff => "cut off",
+        }
+    }
+}
+
+impl SavedRun {
+    pub fn of_result(result: JobResult, source: PathBuf) -> Self {
+        let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
+        Self {
+            source,
+            kind: RunKind::Result,
+            end: Some(RunState::Done),
+            fingerprint: result.fingerprint,
+            map: result.world,
+            method: result.method.name(),
+            variant: result.variant,
+            settings: facts(
+                result.preset.name(),
+                result.settings,
+                result.data.map(|data| data.checksum),
+                None,
+            ),
+            seed: result.seed,
+            updates: result.updates,
+            evaluations: result.evaluations,
+            others: checkpoint.iter().cloned().collect(),
+            checkpoint,
+            ..Self::default()
+        }
+    }
+
+    fn damaged(source: &Path, problem: &Report) -> Self {
+        let (text, name) = (problem.to_string(), source.display().to_string());
+        let problem = text.strip_prefix(&name).map_or(format!(": {text}"), str::to_owned);
+        let problem = Some(sanitized(&problem));
+        Self { source: source.to_owned(), kind: RunKind::Damaged, problem, ..Self::default() }
+    }
+
+    pub fn is_damaged(&self) -> bool {
+        self.kind == RunKind::Damaged
+    }
+
+    pub fn state(&self) -> RunState {
+        self.end.unwrap_or_else(|| {
+            // Another machine's clock may be ahead.
+            let age = self.written.map(|at| at.elapsed().unwrap_or_default());
+            if age.is_some_and(|age| age < QUIET) { RunState::Running } else { RunState::CutOff }
+        })
+    }
+
+    /// Returns what of it is left out, for a line of its own.
+    pub fn note(&self) -> Option<String> {
+        let (source, problem) = (self.source.display().to_string(), self.problem.as_ref()?);
+        Some(format!("{}{problem}: left out", sanitized(&source)))
+    }
+
+    /// Returns what distinguishes it from the other runs of its file.
+    pub fn identity(&self) -> (&str, Option<&str>, &str, &[String], u64) {
+        (&self.map, self.fingerprint.as_deref(), &self.method, &self.settings, self.seed)
+    }
+
+    fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
+        value(&self.evaluations.last()?.evaluation)
+    }
+
+    /// Returns it as an object of JSON.
+    pub fn json(&self) -> Value {
+        let setting = |text: &String| {
+            let (name, value) = text.split_once('=')?;
+            let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
+            Some((name.to_owned(), value))
+        };
+        let written = self.written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string()));
+        // It may have been deleted since. JSON has no bytes that are not text.
+        let checkpoint = self.checkpoint.as_deref().filter(|path| path.is_file());
+        json!({
+            "file": self.source.to_string_lossy(),
+            "kind": self.kind,
+            "state": self.state().name(),
+            "map": self.map,
+            "fingerprint": self.fingerprint,
+            "method": self.method,
+            "variant": self.variant,
+            "seed": self.seed,
+            "settings": self.settings.iter().filter_map(setting).collect::<Map<_, _>>(),
+            "updates": self.updates,
+            "evaluated_at": self.evaluations.last().map(|at| at.updates),
+            "success": self.of_last(Evaluation::success_rate),
+            "greedy": self.of_last(|last| last.greedy.success),
+            "distance_error": self.of_last(|last| Some(last.distance_error?.mape)),
+            "coverage": self.of_last(|last| last.coverage),
+            "written": written,
+            "checkpoint": checkpoint.map(Path::to_string_lossy),
+        })
+    }
+}
+
+/// A column of a list of runs, which is printed as a table or shown on the screen.
+pub struct RunColumn {
+    pub name: &'static str,
+    pub cell: fn(&SavedRun) -> String,
+    /// The number that runs are sorted by, instead of what the column says.
+    pub number: Option<fn(&SavedRun) -> Option<f64>>,
+}
+
+/// All columns from left to right. The last one may be of any width.
+pub const COLUMNS: [RunColumn; 9] = [
+    text("map", |run| sanitized(&run.map)),
+    text("method", |run| {
+        let variant = run.variant.as_ref().map_or(String::new(), |name| format!(" {name}"));
+        sanitized(&format!("{}{variant}", run.method))
+    }),
+    // The first one first.
+    number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
+    number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
+    number("success", |run| rate(success(run)), success),
+    number("greedy", |run| rate(greedy(run)), greedy),
+    text("state", |run| run.state().name().to_owned()),
+    number(
+        "written",
+        |run| run.written.and_then(ago).unwrap_or_default(),
+        |run| run.written?.duration_since(UNIX_EPOCH).ok().map(|since| since.as_secs_f64()),
+    ),
+    text("file", |run| name(&run.source)),
+];
+
+/// The index of the column by which runs are sorted at first.
+pub const WRITTEN: usize = 7;
+
+const fn text(name: &'static str, cell: fn(&SavedRun) -> String) -> RunColumn {
+    RunColumn { name, cell, number: None }
+}
+
+const fn number(
+    name: &'static str,
+    cell: fn(&SavedRun) -> String,
+    number: fn(&SavedRun) -> Option<f64>,
+) -> RunColumn {
+    RunColumn { name, cell, number: Some(number) }
+}
+
+fn success(run: &SavedRun) -> Option<f64> {
+    run.of_last(Evaluation::success_rate)
+}
+
+fn greedy(run: &SavedRun) -> Option<f64> {
+    run.of_last(|last| last.greedy.success)
+}
+
+/// A file's name, safe to show.
+pub fn name(file: &Path) -> String {
+    sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
+}
+
+impl RunColumn {
+    /// Compares runs: the largest numbers come first unless the order is `reversed`, runs without
+    /// one last in both.
+    pub fn compare(&self, a: &SavedRun, b: &SavedRun, reversed: bool) -> Ordering {
+        let order = match self.number.map(|number| (number(a), number(b))) {
+            Some((Some(a), Some(b))) => b.total_cmp(&a),
+            Some((a, b)) => return b.is_some().cmp(&a.is_some()),
+            None => (self.cell)(a).to_lowercase().cmp(&(self.cell)(b).to_lowercase()),
+        };
+        if reversed { order.reverse() } else { order }
+    }
+}
+
+/// The table of runs, the newest first, with the paths of their files.
+pub fn table(mut runs: Vec<Arc<SavedRun>>) -> String {
+    runs.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
+    let row = |run: &Arc<SavedRun>| {
+        let mut cells = COLUMNS.each_ref().map(|column| (column.cell)(run));
+        cells[COLUMNS.len() - 1] = sanitized(&run.source.to_string_lossy());
+        cells.to_vec()
+    };
+    let head = COLUMNS.each_ref().map(|column| column.name.to_owned()).to_vec();
+    aligned(&std::iter::once(head).chain(runs.iter().map(row)).collect::<Vec<_>>())
+}
+
+/// Returns the preset, the settings that differ from it, and what else runs differ in: seeds are
+/// those of one thing only if they learned from the same data and were evaluated on the same tasks.
+fn facts(
+    preset: &str,
+    settings: impl IntoIterator<Item = String>,
+    data: Option<u32>,
+    scenario: Option<String>,
+) -> Vec<String> {
+    let data = data.map(|checksum| format!("data={checksum:08x}"));
+    let scenario = scenario.map(|tasks| format!("scenario={tasks}"));
+    let preset = [format!("preset={preset}")].into_iter();
+    preset.chain(settings).chain(data).chain(scenario).collect()
+}
+
+/// Reads all runs at `paths` that were evaluated, says how far it is, and what in folders cannot be
+/// used.
+pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
+    progress.begin(0, 1);
+    let found = RunReader::new(paths).read(|[file, files], _| {
+        progress.set(file, files);
+        ControlFlow::Continue(())
+    });
+    let all = found.runs.into_iter().map(Arc::unwrap_or_clone);
+    let (damaged, mut runs): (Vec<SavedRun>, Vec<SavedRun>) = all.partition(SavedRun::is_damaged);
+    // What is named is not left out.
+    let named = damaged.iter().find(|run| paths.contains(&run.source));
+    if let Some(SavedRun { source, problem, .. }) = named {
+        if !source.is_dir() {
+            file(source)?;
+        }
+        let (source, problem) = (source.display(), problem.as_deref().unwrap_or_default());
+        return Err(miette!(help = HELP, "{source}{problem}"));
+    }
+    let mut notes: Vec<String> = damaged.iter().chain(&runs).filter_map(SavedRun::note).collect();
+    let lines: String = notes.iter().map(|note| format!("\n{note}")).collect();
+    let first = runs.first().map_or(paths.first(), |run| Some(&run.source));
+    let first = first.map_or(String::new(), |path| path.display().to_string());
+    if runs.is_empty() {
+        return Err(miette!(help = HELP, "{first}: no runs here{lines}"));
+    }
+    let all = runs.len();
+    runs.retain(|run| !run.evaluations.is_empty());
+    if runs.is_empty() {
+        let help = "runs are evaluated on the way with --eval-every-updates N, and at the end";
+        return Err(miette!(help = help, "{first}: no evaluation yet{lines}"));
+    }
+    if runs.len() < all {
+        let without = counted((all - runs.len()) as u64, "run");
+        notes.push(format!("{without} without an evaluation yet: left out"));
+    }
+    Ok((runs, notes))
+}
+
+/// Returns the files with runs in a folder: results, records and checkpoints of its jobs if it is
+/// an experiment's, then its own records and checkpoints.
+pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
+    let listed = |folder: &Path, extensions: &[&str]| {
+        let entries = std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))?;
+        let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        let is_listed = |file: &Path| extensions.iter().any(|known| has_extension(file, known));
+        files.retain(|file| is_listed(file) && !is_hidden(file) && !file.is_dir());
+        files.extend(files_in(folder).map_err(|error| unreadable(folder, &error))?);
+        files.sort();
+        Ok::<_, Report>(files)
+    };
+    let jobs = folder.join("jobs");
+    let mut of_jobs = if jobs.is_dir() { listed(&jobs, &["json", "jsonl"])? } else { Vec::new() };
+    // Results replace checkpoints, which take longer to read.
+    let results: HashSet<PathBuf> =
+        of_jobs.iter().filter(|file| has_extension(file, "json")).cloned().collect();
+    of_jobs.retain(|file| {
+        !has_extension(file, "safetensors") || !results.contains(&file.with_extension("json"))
+    });
+    Ok(of_jobs.into_iter().chain(listed(folder, &["jsonl"])?).collect())
+}
+
+pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
+    if is_checkpoint(path) || has_extension(path, "safetensors") {
+        return checkpoint(path).map(|run| vec![run]);
+    }
+    if has_extension(path, "json") {
+        match read_result(path) {
+            Ok(result) => return Ok(vec![SavedRun::of_result(result, path.to_owned())]),
+            Err(problem) if path.parent().is_some_and(|parent| parent.ends_with("jobs")) => {
+                return Err(problem);
+            }
+            Err(_) => {}
+        }
+    }
+    read_records::read(path)
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> Report {
+    miette!(help = HELP, "{}: cannot be read: {error}", path.display())
+}
+
+fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
+    let (found, history) = read_history(path).map_err(from_checkpoint_error)?;
+    let changed = found.run.changed_settings();
+    let settings = changed.iter().map(|(name, value)| setting_text(name, value));
+    let data = found.data.as_ref().map(|data| data.checksum);
+    let mut evaluations = evaluations(&history);
+    // What other methods reached before is not this method's.
+    evaluations.retain(|at| history.methods().is_current(at.updates));
+    Ok(SavedRun {
+        source: path.to_owned(),
+        kind: RunKind::Checkpoint,
+        end: Some(RunState::Saved),
+        map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
+        fingerprint: match history.edits() {
+            [] => found.fingerprint.clone(),
+            _ => Some(EDITED.to_owned()),
+        },
+        method: found.run.method.name(),
+        settings: facts(found.run.preset.name(), settings, data, found.scenario.clone()),
+        seed: found.run.seed,
+        updates: found.updates,
+        evaluations,
+        checkpoint: Some(path.to_owned()),
+        ..SavedRun::default()
+    })
+}

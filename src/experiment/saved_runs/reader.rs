@@ -1,0 +1,244 @@
+//! Reads folders of runs again and again, as files grow.
+
+use std::collections::{HashMap, HashSet};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use super::read_records::{join, whole};
+use super::{SavedRun, file, files_of};
+use crate::host::saves::SAVES;
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FoundRuns {
+    pub runs: Vec<Arc<SavedRun>>,
+    /// The file being read, of how many; both are the same at the end.
+    pub read: [usize; 2],
+}
+
+/// What distinguishes versions of a file: when it was written, and its size.
+type Stamp = (Option<SystemTime>, u64);
+
+/// Reads files, and those of folders; what has not changed since, only once.
+pub struct RunReader {
+    places: Vec<PathBuf>,
+    known: HashMap<PathBuf, (Stamp, Vec<Arc<SavedRun>>)>,
+}
+
+impl RunReader {
+    pub fn new(places: &[PathBuf]) -> Self {
+        Self { places: places.to_vec(), known: HashMap::new() }
+    }
+
+    /// Reads what is new. Calls `tell` before each file that is, with how many of all have been
+    /// read and what they contain, until it says to stop.
+    pub fn read(
+        &mut self,
+        mut tell: impl FnMut([usize; 2], &dyn Fn() -> FoundRuns) -> ControlFlow<()>,
+    ) -> FoundRuns {
+        let (files, damaged) = self.files();
+        let listed: HashSet<&PathBuf> = files.iter().collect();
+        self.known.retain(|path, _| listed.contains(path));
+        for (i, path) in files.iter().enumerate() {
+            let facts = std::fs::metadata(path).ok();
+            let stamp = facts.map_or((None, 0), |facts| (facts.modified().ok(), facts.len()));
+            if self.known.get(path).is_some_and(|(known, _)| *known == stamp) {
+                continue;
+            }
+            if tell([i, files.len()], &|| self.found(&files, i + 1, &damaged)).is_break() {
+                break;
+            }
+            // One that is replaced meanwhile is read again next time.
+            let runs = file(path).unwrap_or_else(|error| vec![SavedRun::damaged(path, &error)]);
+            let runs = runs.into_iter().map(|run| Arc::new(SavedRun { written: stamp.0, ..run }));
+            self.known.insert(path.clone(), (stamp, runs.collect()));
+        }
+        self.found(&files, files.len(), &damaged)
+    }
+
+    /// Lists the files with runs, and the folders that cannot be read.
+    fn files(&self) -> (Vec<PathBuf>, Vec<Arc<SavedRun>>) {
+        let (mut files, mut damaged) = (Vec::new(), Vec::new());
+        // The usual folder is created by the first run that is saved.
+        let is_missing = |folder: &&PathBuf| folder.as_os_str() == SAVES && !folder.exists();
+        for place in self.places.iter().filter(|place| !is_missing(place)) {
+            if !place.is_dir() {
+                files.push(place.clone());
+                continue;
+            }
+            for folder in with_experiments(place) {
+                match files_of(&folder) {
+                    Ok(found) => files.extend(found),
+                    Err(error) => damaged.push(Arc::new(SavedRun::damaged(&folder, &error))),
+                }
+            }
+        }
+        // A folder may be named twice, or be an experiment's in another.
+        let mut listed = HashSet::new();
+        files.retain(|file| listed.insert(whole(file)));
+        (files, damaged)
+    }
+
+    fn found(&self, files: &[PathBuf], read: usize, damaged: &[Arc<SavedRun>]) -> FoundRuns {
+        let known = files.iter().filter_map(|path| self.known.get(path));
+        let runs = known.flat_map(|(_, runs)| runs).chain(damaged).cloned().collect();
+        FoundRuns { runs: join(runs), read: [read, files.len()] }
+    }
+}
+
+fn with_experiments(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let inner = entries.map(|entry| entry.path()).filter(|path| path.join("jobs").is_dir());
+    let mut all: Vec<PathBuf> = inner.collect();
+    all.sort();
+    all.insert(0, folder.to_owned());
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::{create_dir_all, remove_file, write};
+
+    use tempfile::TempDir;
+
+    use super::*;
+
+    const START: &str = "{\"event\":\"start\",\"world\":\"maze\",\"map\":{\"name\":\"room\"},\
+        \"method\":\"gdg\",\"preset\":\"default\",\"settings\":{},\"seed\":3,\"updates\":0}\n";
+
+    /// Returns the records of a run that has made so many updates.
+    fn records(updates: u64) -> String {
+        format!("{START}{{\"event\":\"progress\",\"updates\":{updates}}}\n")
+    }
+
+    fn folder_of(files: &[(&str, &str)]) -> TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, text) in files {
+            let path = folder.path().join(name);
+            create_dir_all(path.parent().expect("a folder")).expect("a folder");
+            write(path, text).expect("a file");
+        }
+        folder
+    }
+
+    fn read(reader: &mut RunReader) -> (Vec<Arc<SavedRun>>, usize) {
+        let mut told = 0;
+        let found = reader.read(|_, _| {
+            told += 1;
+            ControlFlow::Continue(())
+        });
+        (found.runs, told)
+    }
+
+    fn read_all(folder: &Path) -> Vec<Arc<SavedRun>> {
+        read(&mut RunReader::new(&[folder.to_owned()])).0
+    }
+
+    #[test]
+    fn only_files_that_have_changed_are_read_again() {
+        let files = [
+            ("1.jsonl", &*records(1_000)),
+            ("2.jsonl", "{}\n"),
+            ("notes.txt", "other"),
+            ("suite/jobs/b.jsonl", &records(300)),
+            ("other/c.jsonl", START),
+        ];
+        let folder = folder_of(&files);
+        let path = |name: &str| folder.path().join(name);
+        let mut reader = RunReader::new(&[folder.path().to_owned(), folder.path().to_owned()]);
+        let mut read = || {
+            let (runs, told) = read(&mut reader);
+            (runs.iter().map(|run| run.updates).collect::<Vec<u64>>(), told)
+        };
+        assert_eq!(read(), (vec![1_000, 0, 300], 3), "the second one is damaged");
+        assert_eq!(read(), (vec![1_000, 0, 300], 0), "nothing is new");
+        // Its last line is not complete yet.
+        write(path("1.jsonl"), records(2_000) + "{\"eve").expect("a file");
+        assert_eq!(read(), (vec![2_000, 0, 300], 1), "it has grown");
+        remove_file(path("2.jsonl")).expect("a file");
+        let windows = format!("\u{feff}{}", records(5)).replace('\n', "\r\n");
+        write(path("1.jsonl"), windows).expect("a file");
+        assert_eq!(read(), (vec![5, 300], 1));
+        let mut told = Vec::new();
+        RunReader::new(&[folder.path().to_owned()]).read(|_, found| {
+            told.push(found().read);
+            ControlFlow::Break(())
+        });
+        assert_eq!(told, [[1, 2]], "it stops");
+    }
+
+    #[test]
+    fn a_file_may_have_several_runs_and_parts_of_one() {
+        let maze = |name: &str| records(1_000).replace("room", name);
+        let python = records(1).replace(r#""map":{"name":"room"}"#, r#""gym":{"id":"FetchReach"}"#);
+        let text = maze("b") + &maze("c") + &maze("a") + &maze("c") + &python;
+        let runs = read_all(folder_of(&[("1.jsonl", &text)]).path());
+        let maps: Vec<&str> = runs.iter().map(|run| &*run.map).collect();
+        assert_eq!(maps, ["b", "c", "a", "FetchReach"], "in the order in which they began");
+        let evaluated = |(updates, success): (u64, f64)| {
+            format!(
+                "{{\"event\":\"evaluation\",\"updates\":{updates},\"env_steps\":0,\"seconds\":0,\"greedy\":{{\"success\":{success},\
+                 \"spl\":null,\"steps_ratio\":null,\"by_distance\":[]}},\"planned\":null}}\n"
+            )
+        };
+        let first = [(3_000, 0.1), (6_000, 0.2), (9_000, 0.3)].map(evaluated).concat();
+        // Saved at 5,000 updates and killed after 9,000.
+        let resumed = START.replace("\"updates\":0", "\"updates\":5000");
+        let again = [(6_000, 0.4), (7_000, 0.5)].map(evaluated).concat();
+        let folder = folder_of(&[("1.jsonl", &(START.to_owned() + &first + &resumed + &again))]);
+        let curve = read_all(folder.path()).remove(0);
+        let curve = curve.evaluations.iter();
+        let curve: Vec<_> = curve.map(|at| (at.updates, at.evaluation.greedy.success)).collect();
+        assert_eq!(curve, [(3_000, Some(0.1)), (6_000, Some(0.4)), (7_000, Some(0.5))]);
+    }
+
+    #[test]
+    fn a_line_that_is_no_record_is_named_and_explained() {
+        let folder = folder_of(&[]);
+        let file = folder.path().join("run.jsonl");
+        let long = "x".repeat(17 << 20);
+        for (line, problem) in [
+            ("[1]", ": not a record: no object with an \"event\""),
+            ("{\"event\":", ":9: not a record: not JSON"),
+            (
+                "{\"event\":\"progress\",\"updates\":-3}",
+                ": not a record: invalid value: integer `-3`, expected u64",
+            ),
+            (&long, ": not a record: longer than 16 MB"),
+        ] {
+            let read = |text: String| {
+                write(&file, text).expect("a file");
+                read_all(folder.path()).remove(0)
+            };
+            let found = read(line.to_owned() + "\n");
+            assert_eq!((found.is_damaged(), &found.problem), (true, &Some(format!(":1{problem}"))));
+            let found = read(records(1_000) + line + "\n{\"event\":\"progress\",\"updates\":9}\n");
+            assert_eq!(found.updates, 9, "the others are read");
+            assert_eq!(found.note(), Some(format!("{}:3{problem}: left out", file.display())));
+        }
+        write(&file, "version https://git-lfs.github.com/spec/v1\n").expect("a file");
+        let pointer = ": is a Git LFS pointer, which stands for the file, not records of a run";
+        assert_eq!(read_all(folder.path())[0].problem.as_deref(), Some(pointer));
+    }
+
+    #[test]
+    fn a_checkpoint_is_found_from_above_its_records_and_null_in_json_once_it_is_gone() {
+        use std::os::unix::ffi::OsStrExt;
+        let saved = r#"{"event":"saved","updates":1,"path":"saves/a.safetensors"}"#;
+        let text = format!("{START}{saved}\n");
+        let folder = folder_of(&[("saves/a.safetensors", ""), ("records/a.jsonl", &text)]);
+        let run = read_all(&folder.path().join("records")).remove(0);
+        let path = folder.path().join("saves/a.safetensors");
+        assert_eq!(run.checkpoint.as_ref(), Some(&path));
+        assert!(run.json()["checkpoint"].as_str().is_some_and(|name| path.ends_with(name)));
+        remove_file(path).expect("a file");
+        assert!(run.json()["checkpoint"].is_null());
+        // Not every file system has names that are no text.
+        let name = std::ffi::OsStr::from_bytes(b"a\xff.jsonl");
+        if write(folder.path().join(name), START).is_ok() {
+            let line = read_all(folder.path())[0].json().to_string();
+            assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
+        }
+    }
+}

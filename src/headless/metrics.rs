@@ -1,0 +1,192 @@
+//! The metrics of a run as CSV: a line per progress record and per evaluation.
+
+use std::fs::{File, TryLockError};
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
+
+use super::updates_per_second;
+use crate::host::outputs::{create, refuse_existing};
+use crate::host::setup::Setup;
+use gdg::files;
+use gdg::learn::Losses;
+use gdg::printing::eprint_line;
+use gdg::train::{Evaluation, Trainer};
+
+/// Columns of every line.
+const PROGRESS: [&str; 9] = [
+    "event",
+    "seconds",
+    "updates",
+    "env_steps",
+    "episodes",
+    "updates_per_second",
+    "critic_loss",
+    "model_loss",
+    "actor_loss",
+];
+
+/// Number of the columns of losses, which come last.
+const LOSSES: usize = 3;
+
+type Metric = fn(&Evaluation) -> Option<f64>;
+
+/// Columns of evaluations, besides success at each distance.
+const EVALUATION: [(&str, Metric); 12] = [
+    ("coverage", |found| found.coverage),
+    ("greedy_success", |found| found.greedy.success),
+    ("greedy_spl", |found| found.greedy.spl),
+    ("planned_success", |found| found.planned.as_ref()?.success),
+    ("planned_spl", |found| found.planned.as_ref()?.spl),
+    ("error", |found| Some(found.distance_error?.mape)),
+    ("near_error", |found| Some(found.distance_error?.near_mape)),
+    ("graph_error", |found| Some(found.distance_error?.graph?.mape)),
+    ("candidates", |found| Some(found.bridges.as_ref()?.candidates as f64)),
+    ("edges", |found| Some(found.bridges.as_ref()?.edges as f64)),
+    ("false_edges", |found| Some(found.bridges.as_ref()?.false_edges? as f64)),
+    ("goal_distance_left", |found| {
+        let marked = found.marked?;
+        Some(f64::from(marked.planned.unwrap_or(marked.greedy).left_straight?))
+    }),
+];
+
+/// Distances at which tasks are evaluated, at most.
+const DISTANCES: usize = 6;
+
+/// Size limit of a table that a resumed run continues.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Returns the first line. No name and no number contains a comma.
+fn head() -> String {
+    let names = PROGRESS.into_iter().chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
+    let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
+    names.chain(at("greedy")).chain(at("planned")).collect::<Vec<_>>().join(",")
+}
+
+/// The table, while it is written.
+pub struct MetricsTable {
+    path: PathBuf,
+    /// `None` once writing has failed.
+    file: Option<File>,
+}
+
+impl MetricsTable {
+    /// Opens the table of the run in `setup`: a new file, or that of a resumed run, as it was when
+    /// the run was saved.
+    pub fn open(path: &Path, overwrite: bool, setup: &Setup) -> Result<Self, Report> {
+        let in_use = || {
+            let help = "give --csv another name";
+            miette!(help = help, "{}: another run is writing this table", path.display())
+        };
+        if files::is_in_use(path) {
+            return Err(in_use());
+        }
+        let is_there = setup.resumed.is_some() && path.exists();
+        let mut file = match is_there.then(|| go_on(path, &setup.trainer)) {
+            None => create(path, overwrite)?,
+            Some(Err(_)) if overwrite => create(path, true)?,
+            Some(file) => file?,
+        };
+        // Held until the table is closed; where there are no locks, others can write it.
+        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(in_use());
+        }
+        if file.metadata().is_ok_and(|found| found.len() == 0) {
+            let written = writeln!(file, "{}", head()).into_diagnostic();
+            written.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+        }
+        Ok(Self { path: path.to_owned(), file: Some(file) })
+    }
+
+    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no
+    /// longer be written, reports that once; training continues.
+    pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
+        let Some(file) = &mut self.file else { return };
+        if let Err(error) = file.write_all(row(trainer, evaluation).as_bytes()) {
+            eprint_line(&format!(
+                "{}: cannot be written, so the table ends here: {error}",
+                self.path.display()
+            ));
+            self.file = None;
+        }
+    }
+}
+
+/// Opens the table of a resumed run for more rows, and cuts off those that the run will write
+/// again.
+fn go_on(path: &Path, trainer: &Trainer) -> Result<File, Report> {
+    refuse_existing(path, true)?;
+    let unreadable = |error: std::io::Error| {
+        miette!("{}: the table cannot be continued: {error}", path.display())
+    };
+    let table = files::read(path, MAX_BYTES).map_err(unreadable)?;
+    let kept = length_to_keep(&table, trainer).map_err(|why| {
+        let help = "give --csv another name, or --overwrite to replace the file";
+        miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
+    })?;
+    let mut file = files::open_or_create(path).map_err(unreadable)?;
+    file.set_len(kept as u64).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
+    Ok(file)
+}
+
+/// Returns a line of the table; what is missing is empty.
+fn row(trainer: &Trainer, evaluation: Option<&Evaluation>) -> String {
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    let (counters, losses) = (trainer.counters(), trainer.losses());
+    let mut row = vec![
+        if evaluation.is_some() { "evaluation" } else { "progress" }.to_owned(),
+        format!("{:.3}", trainer.seconds()),
+    ];
+    row.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
+    row.push(format!("{:.1}", updates_per_second(trainer)));
+    row.extend(self::losses([losses.critic, losses.model, losses.actor]));
+    row.extend(EVALUATION.map(|(_, metric)| number(evaluation.and_then(metric))));
+    let planned = evaluation.and_then(|found| found.planned.as_ref());
+    for score in [evaluation.map(|found| &found.greedy), planned] {
+        row.extend(
+            (0..DISTANCES).map(|i| number(score.and_then(|s| s.by_distance.get(i)?.success))),
+        );
+    }
+    row.join(",") + "\n"
+}
+
+fn losses(losses: [f32; LOSSES]) -> [String; LOSSES] {
+    losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
+}
+
+/// Returns the length in bytes of the rows in `table` that the run of `trainer` had written when it
+/// was saved. Later rows, and a last one that was cut off, are to be written again; if all are later,
+/// they may be another run's.
+fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
+    let (now, history) = (trainer.counters().updates, trainer.history());
+    // An evaluation may have followed the save.
+    let is_evaluated = history.evaluations().iter().any(|(updates, _)| *updates == now);
+    let mut lines = table.split_inclusive(|byte| *byte == b'\n');
+    let Some(first) = lines.next() else { return Ok(0) };
+    let head = head();
+    if first.trim_ascii_end() != head.as_bytes() {
+        return Err("it is not a table of metrics, or has other columns".to_owned());
+    }
+    let mut kept = first.len();
+    for (line, number) in lines.filter(|line| line.ends_with(b"\n")).zip(2..) {
+        let text = String::from_utf8_lossy(line);
+        let cells: Vec<&str> = text.trim_end().split(',').collect();
+        let updates = cells.get(2).and_then(|cell| cell.parse::<u64>().ok());
+        let updates = updates.filter(|_| cells.len() == head.split(',').count());
+        let updates = updates.ok_or_else(|| format!("line {number} is not a row of one"))?;
+        if updates > now || updates == now && cells[0] == "evaluation" && !is_evaluated {
+            break;
+        }
+        // The history is thinned: it knows the losses of some rows.
+        let points = history.points();
+        if let Ok(i) = points.binary_search_by_key(&updates, |point| point.updates)
+            && losses(points[i].losses)[..] != cells[PROGRESS.len() - LOSSES..PROGRESS.len()]
+        {
+            return Err(format!("line {number} is of another run"));
+        }
+        kept += line.len();
+    }
+    let is_later = kept == first.len() && kept < table.len();
+    if is_later { Err("all of its rows are later".to_owned()) } else { Ok(kept) }
+}

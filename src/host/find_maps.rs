@@ -1,0 +1,190 @@
+//! Finds the maps that commands name, reads them as options say, and warns about them.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use clap::Args;
+use miette::{Report, miette};
+
+use crate::host::errors::from_map_error;
+use crate::host::values::{counts, reals};
+use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
+use gdg::printing::eprint_line;
+use gdg::text::{counted, nearest, sanitized};
+use gdg::train::Registry;
+
+/// Maps with fewer free cells are taken for mistakes.
+const FEWEST_CELLS: usize = 4;
+
+/// The option for maps that are images.
+pub const THRESHOLD: &str = "--threshold";
+
+/// How the file of a map is read.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Mazes of other programs")]
+pub struct MapArgs {
+    /// Enlarge a maze: N cells along each side of a block [default: 1]. Starts and goals are in the
+    /// middle of their blocks
+    #[arg(long, value_name = "N", value_parser = counts::<usize>(1..=MapScale::MAX_CELL as u64))]
+    pub cell: Option<usize>,
+
+    /// Widen walls and the map's edge by the radius of a body, in cells (after --cell) [default: 0]
+    #[arg(long, value_name = "M", value_parser = reals(0.0..=f64::from(MapScale::MAX_MARGIN), "a number from 0 to 100"))]
+    pub margin: Option<f64>,
+
+    /// Distance below which a goal is reached: in cells (after --cell) [default: 1], or in the unit
+    /// of an environment in Python [default: the environment's own]
+    #[arg(long, value_name = "R", value_parser = reals(1e-9..=1e9, "a distance from 1e-9 to 1e9"))]
+    pub goal_radius: Option<f64>,
+
+    /// Brightness below which pixels of an image are walls, from 0 to 1 [default: 0.5]
+    #[arg(long, value_name = "X", value_parser = reals(0.0..=1.0, "a number from 0 to 1"))]
+    pub threshold: Option<f64>,
+}
+
+impl MapArgs {
+    /// Returns the options given that are only for maps: the goal radius of an environment in
+    /// Python is not a map's.
+    pub fn only_for_maps(&self, world: &Path) -> Vec<&'static str> {
+        let is_python = world.to_str().is_some_and(|name| name.starts_with("gym:"));
+        given([
+            (self.cell.is_some(), "--cell"),
+            (self.margin.is_some(), "--margin"),
+            (self.goal_radius.is_some() && !is_python, "--goal-radius"),
+            (self.threshold.is_some(), THRESHOLD),
+        ])
+    }
+}
+
+/// Returns the options that were given.
+pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str> {
+    all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
+}
+
+impl From<&MapArgs> for Reading {
+    fn from(args: &MapArgs) -> Self {
+        let Self { scale, threshold } = Self::default();
+        let scale = MapScale {
+            cell: args.cell.unwrap_or(scale.cell),
+            margin: args.margin.map_or(scale.margin, |margin| margin as f32),
+            goal_radius: args.goal_radius.map_or(scale.goal_radius, |radius| radius as f32),
+            ..scale
+        };
+        Self { scale, threshold: args.threshold.map_or(threshold, |threshold| threshold as f32) }
+    }
+}
+
+pub fn warn(grid: &Grid) {
+    warnings(grid).iter().for_each(|warning| eprint_line(warning));
+}
+
+/// Returns warnings about a map for its user, with its name.
+pub fn warnings(grid: &Grid) -> Vec<String> {
+    let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
+    let is_marked = !grid.starts().is_empty();
+    let components = is_marked.then(|| Components::of(grid));
+    let unconnected = components.and_then(|components| unconnected_parts(grid, &components));
+    doubts(grid).into_iter().chain(unconnected).map(named).collect()
+}
+
+/// Returns signs that a map is not what its author meant.
+pub fn doubts(grid: &Grid) -> Option<String> {
+    let free = grid.free_count();
+    let few = counted(free as u64, "free cell");
+    let few = format!("the map has only {few}: too few to learn anything");
+    (free < FEWEST_CELLS).then_some(few)
+}
+
+/// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
+/// the largest.
+pub fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String> {
+    disconnected_marks(grid, components).or_else(|| cut_off_starts(grid, components))
+}
+
+fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
+    let own = components.of_cell[grid.index(*grid.starts().first()?)]?;
+    let largest = components.largest();
+    let is_reached =
+        grid.starts().iter().any(|start| components.of_cell[grid.index(*start)] == Some(largest));
+    (!is_reached).then(|| {
+        let [own, largest] =
+            [own, largest].map(|component| components.sizes[component as usize] as u64);
+        let own = counted(own, "cell");
+        format!(
+            "the start S is cut off, with {own}: agents that begin there stay there, but \
+                 tasks are drawn among {largest} others"
+        )
+    })
+}
+
+fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
+    let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
+    let (starts, goals) = (grid.starts(), grid.goals());
+    let (start, goal) = (starts.first()?, goals.first()?);
+    let all = |cells: &[Cell]| cells.iter().map(component).collect::<BTreeSet<_>>();
+    let which = match (starts, goals) {
+        _ if all(starts) == all(goals) => return None,
+        ([_], [_]) => "the start S and the goal G",
+        _ if component(start) != component(goal) => "the first start S and the first goal G",
+        _ => "some starts S and goals G",
+    };
+    Some(format!("{which} lie in different components: no path connects them"))
+}
+
+/// Returns a path as a possible name of a built-in map or world; empty if it is not UTF-8.
+pub fn known_name(path: &Path) -> &str {
+    path.to_str().unwrap_or_default()
+}
+
+/// Loads the built-in map or the file at `path` at a scale; errors also list the worlds of `registry` that
+/// need no file.
+pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<Grid, Report> {
+    let name = known_name(path);
+    if let Some(grid) = map::builtin(name) {
+        return reading.scale.of(name, &grid).map_err(from_map_error);
+    }
+    if registry.world_without_file(name).is_some() && !path.exists() {
+        let help = "give a map: a built-in name or a file";
+        return Err(miette!(help = help, "{name}: is a world without a map, which this needs"));
+    }
+    if is_unknown_name(path, registry) {
+        return Err(unknown_name(path, registry, &[]));
+    }
+    map::load_map_as(path, reading).map_err(|mut error| {
+        if !path.exists() {
+            error.help.push_str(", or a name from 'gdg-tui maps'");
+        }
+        from_map_error(error)
+    })
+}
+
+/// Returns whether `path` looks like a name rather than a file, and is neither that of a built-in
+/// map nor that of a world of `registry`.
+pub fn is_unknown_name(path: &Path, registry: &Registry) -> bool {
+    let name = known_name(path);
+    name != "-"
+        && !path.exists()
+        && path.extension().is_none()
+        && path.components().count() == 1
+        && map::builtin(name).is_none()
+        && registry.world_without_file(name).is_none()
+}
+
+/// Reports an unknown name, with the nearest of those that are known, among them `others`.
+pub fn unknown_name(path: &Path, registry: &Registry, others: &[String]) -> Report {
+    let maps = map::BUILTIN.map(|(known, _)| known);
+    let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
+    let worlds: Vec<&str> = worlds.map(|kind| kind.name).collect();
+    let names = maps.iter().chain(&worlds).copied().chain(others.iter().map(String::as_str));
+    let nearest = nearest(known_name(path), names);
+    let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+    let worlds = match &worlds[..] {
+        [] => String::new(),
+        worlds => format!("; worlds: {}", worlds.join(", ")),
+    };
+    from_map_error(MapError::whole_file(
+        &path.to_string_lossy(),
+        "is neither a built-in map nor a file",
+        format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", ")),
+    ))
+}

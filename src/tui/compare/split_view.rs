@@ -1,0 +1,300 @@
+//! Draws the comparison.
+//!
+//! ```text
+//! +---------------------------------------------------+
+//! | map, seed, phase                                  |  header
+//! | A method, preset        | B method, preset        |
+//! | what D and preset are   | what D and preset are   |  unless they are obvious
+//! | map                     | map                     |
+//! | meaning of colours      | meaning of colours      |
+//! | facts                   | facts                   |
+//! | success over environment steps                    |  curves
+//! | keys, or a notice                                 |  footer
+//! +---------------------------------------------------+
+//! ```
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Borders, Paragraph};
+
+use super::{Comparison, LETTERS, maze_of};
+use crate::tui::action::{Action, Mode};
+use crate::tui::layer::draw_dialog;
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::pane_text::short;
+use crate::tui::render::pane_chart::{self, ChartLine, PaneCurve};
+use crate::tui::render::{curves, finish_frame, footer, too_small};
+use crate::tui::scene::SceneKind;
+use crate::tui::session::{Cx, Session};
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::{ColourDepth, blend};
+use gdg::engine::Phase;
+use gdg::text::{fitted, grouped};
+use gdg::train::Evaluation;
+
+/// The smallest screen with room for everything, in columns and rows.
+pub const MIN_SIZE: (u16, u16) = (60, 18);
+
+/// Rows of the curves: a share of the screen's, within limits.
+const CURVES_DIVISOR: u16 = 4;
+const CURVES_ROWS: (u16, u16) = (7, 16);
+
+pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
+    let area = frame.area();
+    let mut layout = ScreenLayout::new(area);
+    if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
+        too_small(frame, "a comparison", MIN_SIZE);
+        return layout;
+    }
+    let rows = (area.height / CURVES_DIVISOR).clamp(CURVES_ROWS.0, CURVES_ROWS.1);
+    let [head, body, below, foot] = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Min(0),
+        Constraint::Length(rows),
+        Constraint::Length(1),
+    ])
+    .areas(area);
+    header(frame, head, comparison, &mut layout);
+    // The larger side is twice as wide; others show their maps in the same size.
+    let share = |side| Constraint::Fill(if comparison.larger == Some(side) { 2 } else { 1 });
+    let gap = 1 + u16::from(comparison.larger.is_none() && body.width.is_multiple_of(2));
+    let [left, line, right] =
+        Layout::horizontal([share(0), Constraint::Length(gap), share(1)]).areas(body);
+    frame.render_widget(Block::new().borders(Borders::LEFT), line);
+    let areas = [left, right];
+    let facts = [0, 1].map(|own| facts(comparison, own, areas[own].width));
+    let most = facts.iter().map(Vec::len).max().unwrap_or(0);
+    let explains = comparison.sides.iter().any(|side| side.about.is_some());
+    let mut drawn = [ScreenLayout::new(area), ScreenLayout::new(area)];
+    for (own, facts) in facts.into_iter().enumerate() {
+        let [title, about, map, meaning, below] = Layout::vertical([
+            Constraint::Length(1),
+            Constraint::Length(u16::from(explains)),
+            Constraint::Min(0),
+            Constraint::Length(1),
+            Constraint::Length(most as u16),
+        ])
+        .areas(areas[own]);
+        layout.add(title, Click::Act(Action::NextLarger));
+        draw_title(frame, title, comparison, own);
+        let text = comparison.sides[own].about.as_deref().unwrap_or_default();
+        let text = fitted(&format!(" {text}"), usize::from(about.width));
+        frame.render_widget(Span::styled(text, DIM), about);
+        drawn[own].map_pane = map;
+        let Session { cx: Cx { screen, scene, .. }, cache, .. } = &mut comparison.sessions[own];
+        if let Some(maze) = scene.maze() {
+            maze.draw(frame, [map, meaning], screen, &mut drawn[own], cache);
+        }
+        frame.render_widget(Paragraph::new(facts), below);
+    }
+    draw_curves(frame, below, comparison, &mut layout);
+    draw_footer(frame, foot, comparison, &mut layout);
+    let Cx { screen, scene, .. } = &comparison.sessions[0].cx;
+    draw_dialog(frame, screen, scene, &mut drawn[0]);
+    finish_frame(frame, &screen.theme);
+    // The same lines on both sides, from the next frame on.
+    let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
+    for (session, drawn) in comparison.sessions.iter_mut().zip(drawn) {
+        session.screen.least_contour_interval = interval;
+        session.drawn(drawn);
+    }
+    layout
+}
+
+fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
+    let Cx { screen, scene, .. } = &training_side(comparison).cx;
+    let mut bar = ClickableLine::default();
+    let act = |action| Some(Click::Act(action));
+    bar.push(Span::styled(" gdg-tui compare ", BOLD.patch(REVERSED)), act(Action::Help));
+    bar.push(Span::styled(format!(" {} ", comparison.maze(0).map.name()), BOLD), None);
+    // Saved runs may have others, which their titles give.
+    let [a, b] = comparison.sessions.each_ref().map(|session| session.screen.run().seed);
+    if a == b {
+        bar.push(Span::raw(format!("seed {a} ")), None);
+    }
+    let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) {
+        "stopped".to_owned()
+    } else {
+        scene.phase(screen)
+    };
+    bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
+    let is_past = comparison.sessions.iter().any(|session| session.screen.past.is_some());
+    let key = |action| screen.keymap.key_of(action);
+    let text = if is_past {
+        let [back, forth, close] = [Action::Back, Action::Forth, Action::Close].map(key);
+        format!(" looking back: {back} {forth} {close}")
+    } else {
+        " nothing is saved".to_owned()
+    };
+    let room = usize::from(area.width).saturating_sub(bar.width());
+    bar.push(Span::styled(fitted(&text, room), DIM), None);
+    bar.draw(frame, area, layout);
+}
+
+/// Returns the side that shows whether training runs: one that trains, if any does.
+fn training_side(comparison: &Comparison) -> &Session {
+    let [a, b] = &comparison.sessions;
+    if b.is_training() && !a.is_training() { b } else { a }
+}
+
+/// Draws the title of a side: what it is, and whether it has stopped or shows its past.
+fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize) {
+    let (title, screen) = (&comparison.sides[own].title, &comparison.sessions[own].screen);
+    let state = match (&screen.snapshot.phase, &screen.past) {
+        (Phase::Failed(error), _) => format!("stopped: {error} "),
+        (_, Some(past)) => {
+            let is_edited = screen.snapshot.is_edited_since(past.updates);
+            let walls = if is_edited { ", walls of today" } else { "" };
+            format!("at update {}{walls} ", grouped(screen.snapshot.learned(past.updates)))
+        }
+        (Phase::Paused, _) => "paused ".to_owned(),
+        _ => String::new(),
+    };
+    let title = fitted(format!(" {title} {state}").trim_end(), usize::from(area.width));
+    let title = Span::styled(format!("{title} "), BOLD);
+    frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
+}
+
+/// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,
+/// so notices are in the first row then.
+fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
+    let Cx { screen, scene, .. } = &training_side(comparison).cx;
+    let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
+    if let Some(notice) = notice {
+        let at = if is_editing { Rect { y: 0, ..area } } else { area };
+        footer::draw_notice(frame, at, &screen.theme, notice);
+    }
+    if is_editing {
+        let editor = &comparison.maze(comparison.editor_at).editor;
+        footer::editing(screen, editor, area.width).draw(frame, area, layout);
+    } else if comparison.notice().is_none() {
+        footer::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
+    }
+}
+
+fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
+    let session = &comparison.sessions[own];
+    let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.reach);
+    let (success, latest) = (session.screen.success(), snapshot.evaluations.last());
+    let unknown = || "-".to_owned();
+    let rate = |rate: f64| format!("{rate:.2}");
+    let plans = session.screen.run().method.plans();
+    // Unknown values are shown too, so that what follows does not move.
+    let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
+    let planned = success
+        .map_or_else(unknown, |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
+    let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
+    let error = error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape));
+    let at = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
+    let state = match walk {
+        walk if walk.arrived => "arrived in",
+        walk if walk.gave_up => "gave up at",
+        _ => "walking",
+    };
+    let shortest = walk.shortest.map_or(String::new(), |steps| format!(" (shortest {steps})"));
+    let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
+    let counters = snapshot.counters;
+    let facts = [
+        ("steps", short(counters.env_steps as f64), String::new()),
+        ("updates", short(counters.updates as f64), format!(" ({}/s)", short(snapshot.rates.0))),
+        ("success", planned, if plans { format!(" (greedy {greedy})") } else { String::new() }),
+        ("races", format!("{arrived}/{races}"), String::new()),
+        ("D error", error, format!(" (at update {at})")),
+        (state, walk.steps.to_string(), shortest),
+    ];
+    let fact = |(name, value, aside): &(&str, String, String)| {
+        let value =
+            Span::styled(value.clone(), if *name == "success" { BOLD } else { Style::new() });
+        let name = Span::styled(format!(" {name} "), DIM);
+        Line::from(vec![name, value, Span::styled(aside.clone(), DIM)])
+    };
+    // Two a line, so that those of both sides line up.
+    let mut lines: Vec<Line> = Vec::new();
+    for pair in facts.chunks(2) {
+        let [mut first, second] = [&pair[0], &pair[1]].map(fact);
+        if first.width() + 1 + second.width() <= usize::from(width) {
+            first.spans.extend([Span::raw(" ")].into_iter().chain(second.spans));
+            lines.push(first);
+        } else {
+            lines.extend([first, second]);
+        }
+    }
+    lines
+}
+
+/// How far the colour of the actor alone is from its method's to the page's.
+const FAINT: f32 = 0.5;
+
+/// Returns the curves of a side: its success, and that of the actor alone if the method plans.
+fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
+    let screen = &comparison.sessions[own].screen;
+    let (run, mono) = (screen.run(), screen.theme.depth == ColourDepth::Mono);
+    let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
+        let evaluations = screen.snapshot.evaluations.iter();
+        let point =
+            |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), value(e)?));
+        evaluations.filter_map(point).collect()
+    };
+    // Without colours, other characters tell the sides apart: the second one is dotted.
+    let marker = if mono && own == 1 { Marker::Custom('\u{2022}') } else { Marker::Braille };
+    let style = if mono { Style::new() } else { curves::colour(&screen.theme, own) };
+    // Not every terminal draws colours faintly by itself.
+    let page = screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
+    let fainter = match style.fg {
+        Some(Color::Rgb(r, g, b)) => style.fg(screen.theme.colour(blend((r, g, b), page, FAINT))),
+        _ => style,
+    };
+    let name = format!("{} {}", LETTERS[own], run.method.name());
+    let faint = fainter.add_modifier(Modifier::DIM);
+    let actor = PaneCurve {
+        name: "greedy".to_owned(),
+        style: faint,
+        marker,
+        points: points(&|e| e.greedy.success),
+    };
+    if run.method.plans() {
+        let planned = points(&|e| e.planned.as_ref()?.success);
+        vec![PaneCurve { name, style: style.patch(BOLD), marker, points: planned }, actor]
+    } else {
+        vec![PaneCurve { name, style: style.patch(BOLD), ..actor }]
+    }
+}
+
+/// Draws both success curves in one chart, over how far training had come; a click on its title
+/// changes the axis. Upright lines mark the moments of the past that are shown.
+fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
+    let all: Vec<PaneCurve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
+    let now =
+        |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
+    let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
+    let names = all.iter().map(|curve| {
+        Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
+    });
+    let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
+    let lines = pane_chart::heading(&title, names, area.width);
+    let [head, body] =
+        Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    layout.add(head, Click::Act(Action::Axis));
+    frame.render_widget(Paragraph::new(lines), head);
+    if all.iter().all(|curve| curve.points.is_empty()) {
+        frame.render_widget(Paragraph::new(" not evaluated yet").style(DIM), body);
+        return;
+    }
+    // The faint curves first, so that they do not hide the others.
+    let (faint, strong): (Vec<&PaneCurve>, Vec<&PaneCurve>) =
+        all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
+    let lines = faint.into_iter().chain(strong).map(PaneCurve::line);
+    let past = [0, 1].map(|own| {
+        let frame = comparison.sessions[own].screen.past.as_ref()?;
+        Some(comparison.along(own, frame.updates))
+    });
+    let moments: Vec<_> = past.into_iter().flatten().map(|at| [(at, 0.0), (at, 1.0)]).collect();
+    let upright = |points| ChartLine { style: BOLD, marker: Marker::Braille, points };
+    let uprights = moments.iter().map(|points| upright(&points[..]));
+    let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
+    let axes = pane_chart::Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
+    pane_chart::draw(frame, body, axes, lines.chain(uprights));
+}

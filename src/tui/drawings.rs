@@ -1,0 +1,328 @@
+//! Exports to files: a picture of the map, and curves as a drawing or a table.
+
+use std::path::Path;
+
+use ratatui::Terminal;
+use ratatui::backend::TestBackend;
+use ratatui::buffer::{Buffer, Cell};
+use ratatui::layout::Rect;
+use ratatui::style::{Color, Modifier};
+
+use super::characters::QUADRANTS;
+use super::output::ExportKind;
+use super::render;
+use super::scene::{Cache, Scene};
+use super::screen::Screen;
+use super::theme::{Rgb, Theme, blend, rgb_of_indexed};
+use crate::figure::{
+    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Point, Sheet, colour, round_top,
+};
+use gdg::engine::Snapshot;
+use gdg::files::{self, write_atomically};
+use gdg::train::Evaluation;
+
+const EXPORT_FOLDER: &str = "exports";
+
+/// Why an export fails.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    #[error("nothing to export: the window is too small")]
+    Empty,
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// A drawing cannot be encoded.
+    #[error("{0}")]
+    Figure(miette::Report),
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
+}
+
+/// Encodes what has been drawn, which may take a second or two.
+type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, ExportError> + Send>;
+
+/// Draws an export; returns what writes it to a new file and returns the notice for the user.
+pub fn begin(
+    kind: ExportKind,
+    screen: &mut Screen,
+    scene: &Scene,
+) -> Result<impl FnOnce() -> Result<String, String> + Send + use<>, ExportError> {
+    let (name, noun) = (name(kind, screen, scene), scene.noun());
+    let encode = drawn(kind, screen, scene)?;
+    Ok(move || {
+        // A paused run may be exported several times.
+        let end = format!("-{}.{}", kind.stem(noun), kind.file_type());
+        let path = files::unused_path(&files::named(Path::new(EXPORT_FOLDER), &name, &end));
+        match encode().and_then(|bytes| Ok(write_atomically(&path, &bytes)?)) {
+            Ok(()) => Ok(format!("wrote {}", path.display())),
+            Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
+        }
+    })
+}
+
+/// Returns what a file's name begins with: the world, and the update that is shown.
+pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
+    // Curves are of the present, whatever the map shows.
+    let past = screen.past.as_ref().filter(|_| ExportKind::PICTURES.contains(&kind));
+    let updates = match past {
+        Some(frame) => screen.snapshot.learned(frame.updates),
+        None => screen.snapshot.updates(),
+    };
+    format!("{}-{updates}", scene.title(&screen.snapshot))
+}
+
+/// Captures the present screen as this kind of export; what takes long is left to the encoder.
+fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode, ExportError> {
+    Ok(match kind {
+        ExportKind::MapPng | ExportKind::MapSvg => {
+            // For readers, who have no keys, in all colours even if the terminal has fewer.
+            let theme = screen.theme.in_full_colour();
+            let own = std::mem::replace(&mut screen.theme, theme);
+            screen.on_paper = true;
+            let drawn = on_paper(screen, scene);
+            (screen.theme, screen.on_paper) = (own, false);
+            let (drawn, area) = drawn?;
+            if area.is_empty() {
+                return Err(ExportError::Empty);
+            }
+            let sheet = sheet_of(&drawn, area, &theme);
+            let format =
+                if kind == ExportKind::MapSvg { FigureFormat::Svg } else { FigureFormat::Png };
+            Box::new(move || format.encode(&sheet).map_err(ExportError::Figure))
+        }
+        ExportKind::CurvesSvg | ExportKind::CurvesPdf => {
+            let format =
+                if kind == ExportKind::CurvesSvg { FigureFormat::Svg } else { FigureFormat::Pdf };
+            let (world, run) = (scene.title(&screen.snapshot), screen.run());
+            let title = format!("{world}, {}, seed {}", run.method, run.seed);
+            let figure = curves_figure(screen, &title);
+            Box::new(move || format.encode(&figure).map_err(ExportError::Figure))
+        }
+        ExportKind::CurvesCsv => {
+            let table = csv(screen)?;
+            Box::new(|| Ok(table))
+        }
+    })
+}
+
+#[cfg(test)]
+pub fn contents(
+    kind: ExportKind,
+    screen: &mut Screen,
+    scene: &Scene,
+) -> Result<Vec<u8>, ExportError> {
+    drawn(kind, screen, scene)?()
+}
+
+/// Draws a screen in memory; returns it with the area of the map.
+fn on_paper(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
+    let size = screen.layout.screen;
+    let backend = TestBackend::new(size.width.max(1), size.height.max(1));
+    let mut terminal = Terminal::new(backend).map_err(std::io::Error::other)?;
+    let mut area = Rect::default();
+    let drawn = terminal.draw(|frame| {
+        area = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
+    });
+    let drawn = drawn.map_err(std::io::Error::other)?.buffer.clone();
+    Ok((drawn.clone(), area.intersection(drawn.area)))
+}
+
+/// Size of a character, size of letters, and their baseline below the top of a character, in points.
+const WIDTH: f32 = 4.0;
+const HEIGHT: f32 = 8.0;
+const LETTERS: f32 = 6.5;
+const BASELINE: f32 = 6.25;
+
+/// By how much areas reach below those drawn later, in points: no gaps are left between them.
+const OVERLAP: f32 = 0.15;
+
+/// Text and background of a page that a theme leaves to the terminal.
+const PAGE: (Rgb, Rgb) = ((222, 222, 226), (16, 16, 20));
+
+/// Draws letters as text, and blocks, which fonts draw with gaps, as areas.
+fn sheet_of(screen: &Buffer, area: Rect, theme: &Theme) -> Sheet {
+    let size = [f32::from(area.width) * WIDTH, f32::from(area.height) * HEIGHT];
+    let mut sheet = Sheet { size, title: "gdg-tui".to_owned(), marks: Vec::new() };
+    for at in area.positions() {
+        let cell = &screen[at];
+        let (front, back) = colours(cell, theme.page.unwrap_or(PAGE));
+        let left = f32::from(at.x - area.x) * WIDTH;
+        let top = f32::from(at.y - area.y) * HEIGHT;
+        let mut rectangle = |[x, y, width, height]: [f32; 4], colour: Rgb| {
+            let (x, y) = (left + x * WIDTH, top + y * HEIGHT);
+            let right = (x + width * WIDTH + OVERLAP).min(size[0]);
+            let bottom = (y + height * HEIGHT + OVERLAP).min(size[1]);
+            sheet.area(vec![[x, y], [right, y], [right, bottom], [x, bottom]], colour);
+        };
+        rectangle([0.0, 0.0, 1.0, 1.0], back);
+        if let Some(parts) = parts(cell.symbol()) {
+            parts.into_iter().for_each(|part| rectangle(part, front));
+        } else if cell.symbol() != " " {
+            let middle = [left + 0.5 * WIDTH, top + BASELINE];
+            sheet.text(middle, cell.symbol(), LETTERS, Anchor::Middle, front);
+        }
+    }
+    sheet
+}
+
+/// Returns a block or a braille character as rectangles within it (left, top, width, height).
+fn parts(symbol: &str) -> Option<Vec<[f32; 4]>> {
+    /// The bits of a braille character's dots, column by column from the top.
+    const BRAILLE: [[u32; 4]; 2] = [[0, 1, 2, 6], [3, 4, 5, 7]];
+    let symbol = symbol.chars().next()?;
+    let halves = |i: usize| [(i % 2) as f32 / 2.0, (i / 2) as f32 / 2.0, 0.5, 0.5];
+    if let Some(quadrants) = QUADRANTS.iter().position(|known| *known == symbol) {
+        return Some((0..4).filter(|i| quadrants >> i & 1 == 1).map(halves).collect());
+    }
+    if let Some(dots) = u32::from(symbol).checked_sub(0x2800).filter(|dots| *dots < 256) {
+        let dot = |i: usize| {
+            let (column, row) = (i / 4, i % 4);
+            let at = [column as f32 / 2.0 + 0.125, row as f32 / 4.0 + 0.0625];
+            (dots >> BRAILLE[column][row] & 1 == 1).then_some([at[0], at[1], 0.25, 0.125])
+        };
+        return Some((0..8).filter_map(dot).collect());
+    }
+    // Lower blocks of an eighth to seven eighths.
+    let eighths = u32::from(symbol).checked_sub(0x2580).filter(|n| (1..8).contains(n))?;
+    let height = eighths as f32 / 8.0;
+    Some(vec![[0.0, 1.0 - height, 1.0, height]])
+}
+
+/// Returns a character's front and back colours as displayed, given a page's.
+fn colours(cell: &Cell, page: (Rgb, Rgb)) -> (Rgb, Rgb) {
+    let rgb = |colour: Color, own: Rgb| match colour {
+        Color::Rgb(r, g, b) => (r, g, b),
+        Color::Indexed(i) => rgb_of_indexed(i),
+        _ => own,
+    };
+    let (mut front, mut back) = (rgb(cell.fg, page.0), rgb(cell.bg, page.1));
+    if cell.modifier.contains(Modifier::REVERSED) {
+        std::mem::swap(&mut front, &mut back);
+    }
+    if cell.modifier.contains(Modifier::DIM) {
+        front = blend(front, back, 0.4);
+    }
+    (front, back)
+}
+
+/// Width of the figure.
+const FIGURE_WIDTH: f32 = 130.0 * MILLIMETRE;
+
+/// A curve's name and its points: updates done by a learner, and values.
+type Series = (&'static str, Vec<(u64, f64)>);
+
+fn curves_figure(screen: &Screen, title: &str) -> Sheet {
+    let snapshot = &screen.snapshot;
+    let loss = snapshot.curve.iter().map(|point| (point.updates, f64::from(point.losses[0])));
+    let coverage = snapshot.coverage().into_iter();
+    let success = [
+        series("planned", snapshot, |e| e.planned.as_ref()?.success),
+        series("greedy", snapshot, |e| e.greedy.success),
+        ("explored", learned(snapshot, coverage)),
+    ];
+    let errors = [
+        series("of D", snapshot, |e| Some(e.distance_error?.mape)),
+        series("via graph", snapshot, |e| Some(e.distance_error?.graph?.mape)),
+    ];
+    let losses = [("critic", learned(snapshot, loss))];
+    let last = snapshot.learned(snapshot.counters.updates).max(1) as f64;
+    let chart = |label: &str, series: &[Series]| {
+        let values = series.iter().flat_map(|(_, points)| points).map(|(_, value)| *value);
+        let is_known = |(_, (_, points)): &(usize, &Series)| !points.is_empty();
+        let curve = |(i, (name, points)): (usize, &Series)| Curve {
+            name: (*name).to_owned(),
+            colour: colour(i),
+            marker: i,
+            points: points.iter().map(|(x, value)| Point::single(*x as f64, *value)).collect(),
+        };
+        Chart {
+            title: String::new(),
+            labels: ["updates", label].map(str::to_owned),
+            x: [0.0, last],
+            top: if series.len() == 3 { 1.0 } else { round_top(values) },
+            curves: series.iter().enumerate().filter(is_known).map(curve).collect(),
+        }
+    };
+    let charts = [
+        chart("success rate, share explored", &success),
+        chart("relative error of D", &errors),
+        chart("loss of D", &losses),
+    ];
+    ChartPage { title, has_heading: true, charts: &charts, width: FIGURE_WIDTH, columns: 1 }.draw()
+}
+
+fn learned(snapshot: &Snapshot, points: impl Iterator<Item = (u64, f64)>) -> Vec<(u64, f64)> {
+    points.map(|(updates, value)| (snapshot.learned(updates), value)).collect()
+}
+
+fn series(
+    name: &'static str,
+    snapshot: &Snapshot,
+    value: impl Fn(&Evaluation) -> Option<f64>,
+) -> Series {
+    // Leave out what other methods reached.
+    let own =
+        |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
+    let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));
+    (name, learned(snapshot, evaluations.filter_map(|(at, e)| Some((*at, value(e)?)))))
+}
+
+fn number(value: Option<impl ToString>) -> String {
+    value.map_or(String::new(), |value| value.to_string())
+}
+
+/// Returns one line per evaluation and per point of the curves of losses and coverage, in order,
+/// with the method at the end: updates are those done by a learner.
+fn csv(Screen { snapshot, .. }: &Screen) -> Result<Vec<u8>, ExportError> {
+    let names =
+        "updates critic_loss model_loss actor_loss coverage greedy planned error error_of_graph";
+    let distances = snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
+    let group = |kind: &str, i: usize| match distances[i].distance() {
+        Some((distance, unit)) => format!("{kind}_at_{distance:.0}_{}", unit.name()),
+        None => format!("{kind}_of_group_{}", i + 1),
+    };
+    let groups =
+        ["greedy", "planned"].map(|kind| (0..distances.len()).map(move |i| group(kind, i)));
+    let mut head: Vec<String> = names.split(' ').map(str::to_owned).collect();
+    head.extend(groups.into_iter().flatten().chain(["method".to_owned()]));
+    let line = |updates: u64, values: Vec<String>| {
+        let method = snapshot.methods.name(updates).map(str::to_owned);
+        let mut line = vec![snapshot.learned(updates).to_string()];
+        line.extend(values);
+        line.resize(head.len() - 1, String::new());
+        line.push(method.unwrap_or_else(|| snapshot.run.method.name()));
+        (updates, line)
+    };
+    let points = snapshot.curve.iter().map(|point| {
+        let losses = point.losses.iter().map(f32::to_string);
+        line(point.updates, losses.chain([number(point.coverage)]).collect())
+    });
+    let evaluations = snapshot.evaluations.iter().map(|(updates, e)| {
+        let error = e.distance_error;
+        let graph = error.and_then(|error| Some(error.graph?.mape));
+        let planned = e.planned.as_ref();
+        let values = [None, None, None, e.coverage, e.greedy.success]
+            .into_iter()
+            .chain([planned.and_then(|score| score.success), error.map(|e| e.mape), graph])
+            .chain(e.greedy.by_distance.iter().map(|group| group.success))
+            .chain(planned.iter().flat_map(|score| &score.by_distance).map(|group| group.success));
+        line(*updates, values.map(number).collect())
+    });
+    let mut lines: Vec<(u64, Vec<String>)> = points.chain(evaluations).collect();
+    lines.sort_by_key(|(updates, _)| *updates);
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(&head)?;
+    lines.iter().try_for_each(|(_, line)| writer.write_record(line))?;
+    writer.into_inner().map_err(|e| e.into_error().into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_areas_and_letters_are_text() {
+        assert_eq!(parts("\u{2580}").map(|parts| parts.len()), Some(2));
+        assert_eq!(parts("\u{2583}"), Some(vec![[0.0, 0.625, 1.0, 0.375]]));
+        assert_eq!((parts("A"), parts("\u{2801}").map(|dots| dots.len())), (None, Some(1)));
+    }
+}

@@ -1,0 +1,394 @@
+//! Draws the list of runs and what is beside or below it.
+//!
+//! ```text
+//! +----------------------------------------------+
+//! | folders, 12 of 34 runs, words                |  header
+//! |   map method seed updates success ... file   |  list
+//! | A ...                                        |
+//! |------------------------------+---------------|
+//! | success over updates         | what differs  |  curves, settings
+//! | keys or a notice                             |  footer
+//! +----------------------------------------------+
+//! ```
+
+use std::sync::Arc;
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
+
+use super::RunsScreen;
+use super::list::List;
+use crate::experiment::plot::Measure;
+use crate::experiment::saved_runs::{COLUMNS, SavedRun, name};
+use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
+use crate::tui::layout::{Click, ScreenLayout};
+use crate::tui::pane_text::{fitted_line, wrapped};
+use crate::tui::render::pane_chart::{self, PaneCurve};
+use crate::tui::render::{curves, finish_frame, footer, help, too_small};
+use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::Theme;
+use gdg::text::{counted, display_width, fitted, grouped, sanitized};
+use gdg::train::{Preset, list_settings};
+
+/// The smallest screen with room for everything, in columns and rows.
+const MIN_SIZE: (u16, u16) = (60, 16);
+
+/// The columns of the list that are left out first where there is no room.
+const LEFT_OUT: [&str; 3] = ["written", "greedy", "state"];
+
+/// The most columns of a text, of a setting's name and of its value, and the fewest of a file.
+const MAX_TEXT: usize = 20;
+const MAX_NAME: usize = 22;
+const MAX_VALUE: usize = 14;
+const MIN_FILE: usize = 14;
+
+/// Rows of a list above curves, at least.
+const MIN_ROWS: usize = 6;
+
+/// Columns before a row, for its letter.
+const MARGIN: usize = 2;
+
+#[derive(Debug, Default)]
+pub struct ClickAreas {
+    pub layout: ScreenLayout,
+    /// The names of the list's columns, and their indices.
+    pub columns: Vec<(Rect, usize)>,
+}
+
+pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
+    let area = frame.area();
+    let mut places = ClickAreas { layout: ScreenLayout::new(area), ..ClickAreas::default() };
+    if area.width < MIN_SIZE.0 || area.height < MIN_SIZE.1 {
+        too_small(frame, "the list", MIN_SIZE);
+        return places;
+    }
+    let [head, body, foot] =
+        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
+            .areas(area);
+    let [list, curves, settings] = panes(body, screen.list.all().len());
+    draw_list(frame, list, screen, &mut places);
+    header(frame, head, screen, places.layout.rows);
+    let within = |frame: &mut Frame, area: Rect, borders| {
+        let block = Block::new().borders(borders);
+        let inner = block.inner(area);
+        frame.render_widget(block, area);
+        inner
+    };
+    let inner = within(frame, curves, Borders::TOP);
+    let runs = drawn(&screen.list);
+    let layout = &mut places.layout;
+    draw_curves(frame, inner, screen, &runs, layout);
+    let inner = within(frame, settings, Borders::TOP | Borders::LEFT);
+    match screen.list.selected() {
+        Some(run) if run.is_damaged() => {
+            let problem = run.problem.as_deref().unwrap_or_default();
+            let text = sanitized(&format!("{}{problem}", run.source.display()));
+            let rows = wrapped(&text, usize::from(inner.width).saturating_sub(2).max(1));
+            let rows = rows.into_iter().map(|row| Line::raw(format!(" {row}")));
+            let lines = std::iter::once(Line::styled(" left out", BOLD)).chain(rows);
+            frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), inner);
+        }
+        _ => draw_settings(frame, inner, &runs, &screen.theme),
+    }
+    footer(frame, foot, screen, layout);
+    if let Some(shown) = &screen.help {
+        layout.forget_clicks();
+        help::draw_for_lists(frame, &screen.keymap, shown, layout);
+    }
+    finish_frame(frame, &screen.theme);
+    places
+}
+
+fn panes(body: Rect, rows: usize) -> [Rect; 3] {
+    let fill = Constraint::Fill;
+    // One more for names.
+    let rows = u16::try_from(rows.max(MIN_ROWS) + 1).unwrap_or(u16::MAX).min(body.height / 2);
+    let [list, rest] = Layout::vertical([Constraint::Length(rows), fill(1)]).areas(body);
+    let [curves, settings] = Layout::horizontal([fill(3), fill(2)]).areas(rest);
+    [list, curves, settings]
+}
+
+/// A run whose curve and settings are shown, with the number of its letter if it is marked.
+type DrawnRun<'a> = (Option<usize>, &'a SavedRun);
+
+fn drawn(list: &List) -> Vec<DrawnRun<'_>> {
+    let is_drawn = |run: &&Arc<SavedRun>| list.mark(run).is_none() && !run.is_damaged();
+    let selected = list.selected().filter(is_drawn).map(|run| (None, &**run));
+    let marked = list.marked().iter().map(|(letter, run)| (Some(*letter), &**run));
+    selected.into_iter().chain(marked).collect()
+}
+
+/// Returns the letter of a marked run, or the sign of the selected one.
+fn sign(letter: Option<usize>) -> char {
+    letter.map_or('>', |letter| char::from(b'A' + letter as u8))
+}
+
+fn style(letter: Option<usize>, theme: &Theme) -> Style {
+    letter.map_or(Style::new(), |letter| curves::colour(theme, letter).patch(BOLD))
+}
+
+/// Draws how many runs are listed, the words that they must have, and the rows in view.
+fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Rect, usize)) {
+    let RunsScreen { list, words, is_typing, .. } = screen;
+    let is_run = |run: &&Arc<SavedRun>| !run.is_damaged();
+    let [shown, all] =
+        [list.shown().filter(is_run).count(), list.all().iter().filter(is_run).count()];
+    let of = if shown == all { String::new() } else { format!("{shown} of ") };
+    let mut spans = vec![
+        Span::styled(" gdg-tui runs ", BOLD.patch(REVERSED)),
+        Span::styled(format!(" {} ", screen.title), BOLD),
+        Span::raw(format!(" {of}{} ", counted(all as u64, "run"))),
+    ];
+    if *is_typing || !words.value().is_empty() {
+        let cursor = if *is_typing { "_" } else { "" };
+        spans.push(Span::raw(format!(" with words: {}{cursor} ", words.value())));
+    }
+    if let Some([read, all]) = screen.read.filter(|[read, all]| read < all) {
+        spans.push(Span::raw(format!(" reading file {read} of {all} ")));
+    }
+    let rows = list.shown().len();
+    if rows > usize::from(view.height) {
+        let last = rows.min(first + usize::from(view.height));
+        spans.push(Span::raw(format!(" {} to {last} of {rows} ", first + 1)));
+    }
+    if list.all().len() > all {
+        let text = format!(" {} cannot be read ", counted((list.all().len() - all) as u64, "file"));
+        spans.push(Span::styled(text, screen.theme.failure()));
+    }
+    frame.render_widget(fitted_line(Line::from(spans), area.width), area);
+}
+
+fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut ClickAreas) {
+    let RunsScreen { list, theme, .. } = screen;
+    let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    let columns = columns(list, usize::from(area.width));
+    let widths = columns.iter().map(|(_, width)| Constraint::Length(*width as u16));
+    let widths: Vec<Constraint> =
+        [Constraint::Length(MARGIN as u16)].into_iter().chain(widths).collect();
+    let areas = Layout::horizontal(widths.clone()).spacing(1).split(names);
+    places.columns = areas[1..].iter().zip(&columns).map(|(area, of)| (*area, of.0)).collect();
+    let cell = |text: String, (column, width): (usize, usize)| {
+        let line = Line::raw(fitted(&text, width));
+        if COLUMNS[column].number.is_some() { line.right_aligned() } else { line }
+    };
+    let (sorted, reversed) = list.order;
+    let heads = columns.iter().map(|of| match COLUMNS[of.0].name {
+        name if of.0 != sorted => cell(name.to_owned(), *of).style(DIM),
+        name => cell(format!("{name}{}", if reversed { '\u{2191}' } else { '\u{2193}' }), *of)
+            .style(BOLD),
+    });
+    let head: Row = [Line::default()].into_iter().chain(heads).collect();
+    let (room, position) = (usize::from(rows.height), list.position());
+    let first = (position + 1).saturating_sub(room);
+    places.layout.rows = (rows, first);
+    let shown = list.shown().enumerate().skip(first).take(room).map(|(i, run)| {
+        let letter = list.mark(run);
+        let sign = letter.map_or(String::new(), |_| format!(" {}", sign(letter)));
+        let cells = columns.iter().map(|of| cell((COLUMNS[of.0].cell)(run), *of));
+        let cells = cells.filter(|_| !run.is_damaged());
+        let row: Row =
+            [Line::styled(sign, style(letter, theme))].into_iter().chain(cells).collect();
+        if i == position { row.style(REVERSED) } else { row }
+    });
+    frame.render_widget(Table::new(shown, widths).header(head), area);
+    for (run, area) in list.shown().skip(first).zip(rows.rows()) {
+        if let Some(problem) = run.problem.as_ref().filter(|_| run.is_damaged()) {
+            let text = Line::styled(format!("   {}{problem}", name(&run.source)), DIM);
+            frame.render_widget(fitted_line(text, area.width), area);
+        }
+    }
+    if list.all().is_empty() {
+        let is_read = screen.read.is_some_and(|[read, all]| read == all);
+        let none = "   no runs here yet: train with --save FILE, or press s in the interface";
+        let text = Line::styled(if is_read { none } else { "   reading ..." }, DIM);
+        frame.render_widget(text, rows);
+    }
+}
+
+/// Returns the columns that there is room for, and their widths: wide enough for every run, but for
+/// long texts; the last one gets the rest.
+fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
+    let max_text = (room / 7).clamp(6, MAX_TEXT);
+    let widest = |(i, column): (usize, &crate::experiment::saved_runs::RunColumn)| {
+        let runs = list.shown().filter(|run| !run.is_damaged());
+        let widest = runs.map(|run| display_width(&(column.cell)(run))).max().unwrap_or(0);
+        let most = if column.number.is_some() { usize::MAX } else { max_text };
+        // And the sign of the order.
+        (i, widest.min(most).max(column.name.len() + 1))
+    };
+    let mut columns: Vec<_> = COLUMNS[..COLUMNS.len() - 1].iter().enumerate().map(widest).collect();
+    let left = |columns: &[(usize, usize)]| {
+        let taken = columns.iter().map(|(_, width)| width + 1).sum::<usize>();
+        room.saturating_sub(MARGIN + 1 + taken)
+    };
+    for name in LEFT_OUT {
+        if left(&columns) < MIN_FILE {
+            columns.retain(|(kept, _)| COLUMNS[*kept].name != name);
+        }
+    }
+    columns.push((COLUMNS.len() - 1, left(&columns)));
+    columns
+}
+
+/// Draws the curves of runs; a click on the title changes the axis.
+fn draw_curves(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &RunsScreen,
+    runs: &[DrawnRun],
+    layout: &mut ScreenLayout,
+) {
+    let (RunsScreen { theme, .. }, (measure, axis)) = (screen, screen.curves);
+    let curve = |(letter, run): &DrawnRun| {
+        let stem = sanitized(&run.source.file_stem().unwrap_or_default().to_string_lossy());
+        let points = run.evaluations.iter();
+        PaneCurve {
+            name: format!("{} {stem}", sign(*letter)),
+            style: style(*letter, theme),
+            marker: letter.map_or(Marker::Braille, |letter| curves::marker(theme, letter)),
+            points: points
+                .filter_map(|at| Some((axis.of(at), measure.of(&at.evaluation)?)))
+                .collect(),
+        }
+    };
+    let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
+    let names = all.iter().map(|curve| Span::styled(format!("  {}", curve.name), curve.style));
+    let title = format!(" {} over {}", measure.label(), axis.label());
+    let heading = pane_chart::heading(&Span::styled(title, BOLD), names, area.width);
+    let [head, body] =
+        Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
+            .areas(area);
+    layout.add(Rect { height: 1, ..head }, Click::Act(Action::List(ListAction::Axis)));
+    frame.render_widget(Paragraph::new(heading), head);
+    let points = || all.iter().flat_map(|curve| &curve.points);
+    if points().next().is_none() {
+        let is_evaluated = runs.iter().any(|(_, run)| !run.evaluations.is_empty());
+        let text = if is_evaluated { " not known of these runs" } else { " not evaluated yet" };
+        return frame.render_widget(Paragraph::new(text).style(DIM), body);
+    }
+    let last = points().map(|point| point.0).fold(1.0, f64::max);
+    let is_share = measure != Measure::Error;
+    let high = if is_share { 1.0 } else { points().map(|point| point.1).fold(0.01, f64::max) };
+    let y_labels = [0.0, high]
+        .map(|y| if is_share { format!("{y:.1}") } else { format!("{:.0} %", 100.0 * y) });
+    let axes = pane_chart::Axes { x: [0.0, last], over: axis, y: [0.0, high], y_labels };
+    // The first ones last, on top.
+    pane_chart::draw(frame, body, axes, all.iter().rev().map(PaneCurve::line));
+}
+
+/// Returns the names in which runs differ, each with its value in every run; of a single run, all
+/// that it does not share with its preset.
+fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
+    fn own(run: &SavedRun) -> impl Iterator<Item = (&str, &str)> {
+        run.settings.iter().filter_map(|setting| setting.split_once('='))
+    }
+    let row = |name: &str, value: &dyn Fn(&SavedRun) -> String| {
+        (name.to_owned(), runs.iter().map(|run| value(run)).collect::<Vec<String>>())
+    };
+    let facts = [
+        row("map", &|run| run.map.clone()),
+        row("method", &|run| run.method.clone()),
+        row("variant", &|run| run.variant.clone().unwrap_or_default()),
+        row("seed", &|run| run.seed.to_string()),
+        row("updates", &|run| grouped(run.updates)),
+        row("left out", &|run| {
+            run.problem.as_ref().map_or(String::new(), |at| format!("line {}", &at[1..]))
+        }),
+    ];
+    // A setting's value is the run's own, or else its preset's.
+    let value = |run: &SavedRun, name: &str| {
+        let of = |name: &str| own(run).find(|(own, _)| *own == name).map(|(_, value)| value);
+        let of_preset = || {
+            let settings = list_settings(&Preset::named(of("preset")?)?.settings());
+            settings.into_iter().find(|(known, _)| known == name).map(|(_, value)| value)
+        };
+        of(name).map(str::to_owned).or_else(of_preset).unwrap_or_else(|| "-".to_owned())
+    };
+    let mut names: Vec<&str> = Vec::new();
+    for (name, _) in runs.iter().flat_map(|run| own(run)) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let settings = names.into_iter().map(|name| row(name, &|run| value(run, name)));
+    let is_told = |(_, values): &(String, Vec<String>)| match &values[..] {
+        [value] => !value.is_empty(),
+        values => values.iter().any(|value| *value != values[0]),
+    };
+    facts.into_iter().chain(settings).filter(is_told).collect()
+}
+
+fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme) {
+    let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
+    let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0).min(MAX_NAME);
+    let widest = rows.iter().flat_map(|(_, values)| values).map(|value| display_width(value));
+    let most = if runs.len() == 1 { usize::from(area.width) } else { MAX_VALUE };
+    let width = Constraint::Length(widest.max().unwrap_or(0).clamp(1, most.max(1)) as u16);
+    let (name, values) = (Constraint::Length(names as u16 + 1), vec![width; runs.len()]);
+    let widths: Vec<Constraint> = [name].into_iter().chain(values).collect();
+    let letter = |(letter, _): &DrawnRun| {
+        Span::styled(sign(*letter).to_string(), style(*letter, theme).patch(BOLD))
+    };
+    let title = if runs.len() > 1 { " differences" } else { " run" };
+    let letters = runs.iter().filter(|_| runs.len() > 1).map(letter);
+    let head = [Span::styled(title, BOLD)].into_iter().chain(letters);
+    let rows = rows.into_iter().map(|(name, values)| {
+        let name = Cell::new(format!(" {name}")).style(DIM);
+        [name].into_iter().chain(values.into_iter().map(Cell::new)).collect::<Row>()
+    });
+    frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
+}
+
+fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
+    if let Some((question, _)) = &screen.deletion {
+        let text = Line::styled(format!(" {question}"), BOLD.patch(REVERSED));
+        return frame.render_widget(fitted_line(text, area.width), area);
+    }
+    if let Some(notice) = screen.log.notice() {
+        return footer::draw_notice(frame, area, &screen.theme, notice);
+    }
+    if screen.is_typing {
+        let text = " type words that runs must have   Enter keeps them   Esc shows all runs";
+        return frame.render_widget(fitted_line(Line::styled(text, DIM), area.width), area);
+    }
+    let named = |is_own: bool| {
+        let is_shown = move |b: &&Binding| {
+            !b.short.is_empty()
+                && b.is_active(Mode::Listing)
+                && (b.when == Some(Mode::Listing)) == is_own
+        };
+        bindings().filter(is_shown).map(|b| (b.action, b.short))
+    };
+    let keys = named(true).chain(named(false)).collect();
+    footer::fitting(keys, &screen.keymap, area.width, false).draw(frame, area, layout);
+    layout.add(Rect { height: 1, ..layout.screen }, Click::Act(Action::Help));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::saved;
+    use super::*;
+
+    #[test]
+    fn settings_that_one_run_leaves_to_its_preset_have_the_presets_value() {
+        let one = saved("a", "trap", "gdg", 1, &[]);
+        let all = list_settings(&Preset::Default.settings());
+        let hidden = all.into_iter().find(|(known, _)| known == "hidden").expect("a setting").1;
+        assert_ne!(hidden, "16");
+        let other = SavedRun { settings: vec!["preset=default".to_owned()], ..one.clone() };
+        assert_eq!(
+            differences(&[&one, &other]),
+            [("hidden".to_owned(), vec!["16".to_owned(), hidden])],
+            "map, method and seed are the same"
+        );
+        let third = SavedRun { seed: 2, ..other.clone() };
+        let differ = differences(&[&other, &third]);
+        assert_eq!(differ, [("seed".to_owned(), vec!["1".to_owned(), "2".to_owned()])]);
+        let alone: Vec<String> = differences(&[&one]).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(alone, ["map", "method", "seed", "updates", "preset", "hidden"]);
+    }
+}

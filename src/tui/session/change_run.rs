@@ -1,0 +1,114 @@
+//! Starts, loads and changes runs and their settings.
+
+use std::sync::Arc;
+
+use super::Cx;
+use super::saving::{Saver, is_worth_saving, unsaved};
+use crate::tui::dialog::{Choice, Prompt, Question};
+use crate::tui::lists;
+use crate::tui::scene::Scene;
+use crate::tui::scene::maze::maze_on;
+use gdg::engine::{EngineCommand, MakeWorld};
+use gdg::env::{WorldKind, maze};
+use gdg::map::Grid;
+use gdg::train::{Run, Setting, list_settings, resets_networks, settings_in_world};
+
+/// Continues with the run as modified by `change`; asks first if that discards much that the
+/// networks have learned.
+pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
+    let mut run = cx.screen.run().clone();
+    change(&mut run);
+    if run == *cx.screen.run() {
+        return;
+    }
+    if resets_networks(cx.screen.run(), &run) && is_worth_saving(cx) {
+        let (title, begin) =
+            ("this resets the networks, which are not saved", "continue with new networks");
+        let choice = Choice::Change(Box::new(run));
+        cx.screen.open(lists::leave(title, begin, "", choice, Some(&cx.screen.latest)));
+    } else {
+        change_to(run, saver, cx);
+    }
+}
+
+/// Continues as `run`. The file of what was learned before is not replaced by what new networks
+/// learn.
+pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
+    let resets = resets_networks(cx.screen.run(), &run);
+    if cx.command(EngineCommand::Change(Box::new(run))) && resets {
+        saver.leave_file();
+    }
+}
+
+/// Restarts with the next seed, after a question.
+pub fn ask_to_restart(cx: &mut Cx) {
+    let seed = cx.screen.run().seed.wrapping_add(1);
+    let title = format!("restart with seed {seed}");
+    let begin = format!("start a new run on this map with seed {seed}");
+    let choice = Choice::Restart(seed);
+    cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
+}
+
+pub fn restart(seed: u64, cx: &mut Cx) {
+    let run = Run { seed, ..cx.screen.run().clone() };
+    let world: MakeWorld = match &cx.scene {
+        Scene::Maze(maze) => maze_on(maze.map.clone()),
+        Scene::Space(_) => Box::new(|world| world.fork(0)),
+    };
+    cx.command(EngineCommand::StartRun(Box::new(run), world));
+}
+
+/// Starts a new run in the world called `name`, with the preset's settings for it.
+pub fn start_in(name: &str, cx: &mut Cx) {
+    let registry = cx.screen.latest.registry.clone();
+    if let Some(kind) = registry.world(name)
+        && let Some(create) = kind.create
+    {
+        let run = Box::new(adapted_to(kind, cx));
+        cx.command(EngineCommand::StartRun(run, Box::new(move |_| Ok(create()))));
+    }
+}
+
+/// Starts a new run on `map`: with the settings of this run, if its world is a map too.
+pub fn start_on(map: Arc<Grid>, cx: &mut Cx) {
+    let run = match cx.scene {
+        Scene::Maze(_) => cx.screen.run().clone(),
+        Scene::Space(_) => adapted_to(&maze::KIND, cx),
+    };
+    cx.command(EngineCommand::StartRun(Box::new(run), maze_on(map)));
+}
+
+/// Continues on `map`.
+pub fn continue_on(map: &Grid, cx: &mut Cx) {
+    cx.in_maze(|maze, screen, link| {
+        let new = (*map != *maze.map).then(|| Arc::new(map.clone()));
+        maze.change_map_or_say(new, ["", "the map stays as it is"], screen, link);
+    });
+}
+
+/// Loads a checkpoint; asks first if much would be lost, unless the user has decided.
+pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
+    if !is_decided && is_worth_saving(cx) {
+        let title = "load a checkpoint without saving this run?";
+        let choice = Choice::LoadUnsaved(path);
+        let question = lists::leave(title, "load it", "", choice, Some(&cx.screen.latest));
+        return cx.screen.open(question);
+    }
+    cx.screen.notify(&format!("loading {} ...", path.display()));
+    cx.command(EngineCommand::Load(path));
+}
+
+fn adapted_to(kind: &WorldKind, cx: &Cx) -> Run {
+    let run = cx.screen.run().clone();
+    Run { settings: settings_in_world(run.preset, kind.defaults), ..run }
+}
+
+pub fn ask_setting(name: String, cx: &mut Cx) {
+    let values = list_settings(&cx.screen.run().settings);
+    let value = values.into_iter().find(|(known, _)| *known == name).map(|(_, value)| value);
+    let (value, setting) = (value.unwrap_or_default(), Setting::named(&name));
+    let hint = setting.map_or(String::new(), |setting| {
+        format!("{}: {}; {}", setting.about, setting.values, setting.effect.about())
+    });
+    cx.screen.open(Prompt::new(Question::Setting(name.clone()), name, hint, value));
+}

@@ -1,0 +1,207 @@
+//! Maps, checkpoints and exports on disk.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use jiff::tz::TimeZone;
+
+use super::saving::unsaved;
+use super::{Cx, Session};
+use crate::host::find_maps::warnings;
+use crate::host::saves::{self, SAVES};
+use crate::tui::action::Action;
+use crate::tui::drawings;
+use crate::tui::lists::{self, Described};
+use crate::tui::output::ExportKind;
+use gdg::files::{has_extension, is_hidden, write_atomically};
+use gdg::job::{Job, Running};
+use gdg::map::{Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like};
+use gdg::text::counted;
+use gdg::train::describe;
+
+/// The largest text that is read to find out whether it is a map, in bytes.
+const MAX_LISTED_BYTES: u64 = 1 << 18;
+
+/// Shows what has been read or written.
+pub type ShowResult = Box<dyn FnOnce(&mut Cx) + Send>;
+
+/// Reads `what` on its own thread and shows it: at once, or when it is there.
+fn read(cx: &mut Cx, what: &str, read: impl FnOnce(&Job) -> ShowResult + Send + 'static) {
+    let mut reading = Running::start("reading", Job::new(format!("reading {what}")), read);
+    if reading.wait(cx.reading_patience) {
+        return show(cx, reading);
+    }
+    reading.notice().iter().for_each(|notice| cx.screen.say(notice));
+    cx.reading = Some(reading);
+}
+
+/// Shows what has been read or written meanwhile, or how long it takes; returns whether the screen
+/// changes.
+pub fn on_tick(cx: &mut Cx) -> bool {
+    let both = [&mut cx.reading, &mut cx.writing];
+    let done: Vec<Running<ShowResult>> =
+        both.into_iter().filter_map(|slot| slot.take_if(|running| running.is_finished())).collect();
+    let is_done = !done.is_empty();
+    done.into_iter().for_each(|done| show(cx, done));
+    let left = [&mut cx.reading, &mut cx.writing].into_iter().flatten();
+    let notices: Vec<String> = left.filter_map(Running::notice).collect();
+    notices.iter().for_each(|notice| cx.screen.say(notice));
+    is_done || !notices.is_empty()
+}
+
+fn show(cx: &mut Cx, done: Running<ShowResult>) {
+    match done.finish() {
+        Ok(show) => show(cx),
+        Err(problem) => cx.screen.report(&problem),
+    }
+}
+
+/// Draws an export now, and writes it on its own thread.
+pub fn export(kind: ExportKind, cx: &mut Cx) {
+    let Cx { screen, scene, writing, .. } = cx;
+    if let Some(writing) = writing {
+        return screen.notify(&format!("not yet: still {}", writing.job().what()));
+    }
+    let name = kind.name(scene.noun());
+    match drawings::begin(kind, screen, scene) {
+        Ok(write) => {
+            let work = move |_: &Job| -> ShowResult {
+                let written = write();
+                Box::new(move |Cx { screen, .. }| match written {
+                    Ok(notice) => screen.notify(&notice),
+                    Err(problem) => screen.report(&problem),
+                })
+            };
+            *writing = Some(Running::start("export", Job::new(format!("writing {name}")), work));
+        }
+        Err(error) => screen.report(&format!("{name} cannot be written: {error}")),
+    }
+}
+
+/// Returns the folders whose checkpoints are listed: that of the run's own file, and the usual one.
+fn folders(own: &Path) -> Vec<PathBuf> {
+    let usual = PathBuf::from(SAVES);
+    let mut folders = vec![own.parent().map_or(usual.clone(), Path::to_owned), usual];
+    // It may be the same by another name, such as ./saves.
+    folders.dedup_by_key(|folder| folder.canonicalize().ok());
+    folders
+}
+
+/// Lists the checkpoints beside the run's own file, and those in the usual folder, to load one.
+pub fn pick_checkpoint(session: &mut Session) {
+    let (folders, screen) = (folders(session.saver.to.path()), &mut session.cx.screen);
+    let files: Vec<PathBuf> =
+        folders.iter().flat_map(|folder| saves::files_in(folder).unwrap_or_default()).collect();
+    if files.is_empty() {
+        let (key, folder) = (screen.keymap.key_of(Action::Save), folders[0].display());
+        return screen.notify(&format!("no checkpoints in {folder}: {key} saves one"));
+    }
+    let what = counted(files.len() as u64, "checkpoint");
+    read(session, &what, move |progress| {
+        progress.begin(0, 1);
+        let described = files.iter().enumerate().map(|(i, path)| {
+            progress.set(i, files.len());
+            describe(path)
+        });
+        let found: Vec<Described> = described.collect();
+        Box::new(move |cx| cx.screen.open(lists::checkpoints(found, &TimeZone::system())))
+    });
+}
+
+/// Writes the map to a file, or returns why it cannot be.
+pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
+    if name.is_empty() {
+        return Err("enter a file name, e.g. rooms.txt or rooms.map".to_owned());
+    }
+    let Some(maze) = cx.scene.maze_mut() else { return Ok(()) };
+    let path = Path::new(name);
+    let format = format_for(path);
+    for (path, bytes) in format.write(&maze.map, path) {
+        write_atomically(&path, &bytes)
+            .map_err(|error| format!("{name} cannot be written: {error}"))?;
+    }
+    let lost = format.lost(&maze.map);
+    let without =
+        if lost.is_empty() { String::new() } else { format!(" without {}", lost.join(", ")) };
+    maze.kept_map = maze.map.clone();
+    cx.screen.notify(&format!("wrote {name}{without}"));
+    Ok(())
+}
+
+/// Returns what a file for the map called `name` would lack, if anything.
+pub fn loss(cx: &Cx, name: &str) -> Option<String> {
+    let format = format_for(Path::new(name));
+    let lost = format.lost(&cx.scene.maze()?.map).join(" or ");
+    (!lost.is_empty())
+        .then(|| format!("the format {} has no {lost}: NAME.txt keeps them", format.name))
+}
+
+/// Lists the maps in `folder`, or by default built-in maps and those in the current folder.
+pub fn pick_map(cx: &mut Cx, folder: Option<&Path>) {
+    let here = folder.unwrap_or(Path::new(".")).to_owned();
+    let is_first = folder.is_none();
+    read(cx, &format!("the maps in {}", here.display()), move |_| {
+        let here = here.canonicalize().unwrap_or(here);
+        let files = std::fs::read_dir(&here).into_iter().flatten().flatten();
+        let mut entries: Vec<(PathBuf, bool)> = files
+            .map(|file| (file.path(), file.path().is_dir()))
+            .filter(is_folder_or_map)
+            .collect();
+        entries.sort();
+        Box::new(move |Cx { screen, .. }| {
+            let registry = screen.latest.registry.clone();
+            screen.open(lists::maps(&here, &entries, is_first.then_some(&*registry)));
+        })
+    });
+}
+
+pub fn open_map(cx: &mut Cx, path: &Path) {
+    let (path, now) = (path.to_owned(), cx.scene.maze().map(|maze| maze.map.clone()));
+    read(cx, &path.display().to_string(), move |_| {
+        let map = match now {
+            Some(now) => load_map_like(&path, &now, MapReading::default().threshold),
+            None => load_map(&path),
+        };
+        Box::new(move |cx| match map {
+            Ok(map) => {
+                warnings(&map).iter().for_each(|warning| cx.screen.notify(warning));
+                offer_map(cx, map);
+            }
+            Err(error) => cx.screen.report(&format!("{error}: {}", error.help)),
+        })
+    });
+}
+
+pub fn offer_map(cx: &mut Cx, map: Grid) {
+    let now = cx.scene.maze().map(|maze| &*maze.map);
+    // Cells beyond the new map become walls, to keep agents out.
+    let fitted = now.and_then(|now| {
+        let fitted = map.resized(now.width(), now.height())?;
+        let walls: Vec<_> =
+            fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
+        fitted.with_cells(walls)
+    });
+    cx.screen.open(lists::map_switch(&Arc::new(map), now, fitted, unsaved(cx)));
+}
+
+pub fn checkpoint_file(name: &str) -> PathBuf {
+    // A dot within a name does not begin an extension.
+    let path = Path::new(name);
+    let path = if has_extension(path, "safetensors") {
+        path.to_owned()
+    } else {
+        format!("{name}.safetensors").into()
+    };
+    let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+    if plain { Path::new(SAVES).join(path) } else { path }
+}
+
+/// Returns whether to list a file (or folder, if `is_folder`) for opening a map: not a text of
+/// another kind.
+fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
+    let has = |extension| has_extension(path, extension);
+    // Any picture is a map.
+    let may_be = || MapFormat::by_name(path).is_some() && !has("png");
+    let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_LISTED_BYTES);
+    !is_hidden(path) && (*is_folder || has("map") || may_be() && small() && load_map(path).is_ok())
+}

@@ -1,0 +1,222 @@
+//! What the screen says after keys and clicks.
+//!
+//! A row is what is shown, its size, what is pressed, the texts that the screen must have then, and
+//! those that it must not have. Names in braces are keys; `{click TEXT}` clicks on the first place
+//! that shows a text.
+
+use super::staged::staged_app;
+use super::*;
+use crate::tui::runs::tests::screen;
+use TestScreen::*;
+
+#[derive(Clone, Copy, Debug)]
+enum TestScreen {
+    /// A run that has just begun, of a method with bridges or without.
+    New,
+    Actor,
+    /// The same on a map that is larger than the screen.
+    Wide,
+    /// The same with hints for a first run.
+    First,
+    /// A run in progress, the same without colours, and with a film.
+    Run,
+    Mono,
+    Filmed,
+    /// The arm with a wall, and a space of goals.
+    Arm,
+    Goals,
+    /// A comparison, and a list of runs.
+    Both,
+    List,
+}
+
+impl TestScreen {
+    fn set_up(self, width: u16, height: u16) -> Box<dyn Driven> {
+        match self {
+            New => Box::new(still()),
+            Actor => Box::new(still_on(rooms(), gdg())),
+            Wide => Box::new(still_on(Grid::empty("wide", 250, 200), gdg())),
+            First => {
+                let mut app = still();
+                app.screen.explains = true;
+                Box::new(app)
+            }
+            Run => Box::new(staged_app(width, height)),
+            Mono => {
+                let mut app = staged_app(width, height);
+                app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
+                Box::new(app)
+            }
+            Filmed => Box::new(past::filmed_app(&[1, 2_500, 5_000], width, height)),
+            Arm => Box::new(arm::staged_app(width, height)),
+            Goals => Box::new(goals::staged_app(width, height)),
+            Both => Box::new(compare::staged(width.max(60), height.max(18))),
+            List => Box::new(screen()),
+        }
+    }
+}
+
+/// A stage, a size, keys, texts that must be there, and texts that must not.
+type ScreenTest =
+    (TestScreen, (u16, u16), &'static str, &'static [&'static str], &'static [&'static str]);
+
+const TINY: (u16, u16) = (40, 12);
+const NARROW: (u16, u16) = (60, 20);
+const SMALL: (u16, u16) = (80, 24);
+const LARGE: (u16, u16) = (120, 40);
+const HUGE: (u16, u16) = (200, 60);
+
+const ROWS: &[ScreenTest] = &[
+    // What a screen has room for.
+    (Run, SMALL, "", &["gdg-tui", "rooms", "gdg-bridge", "training", "updates", "success"], &[]),
+    (Run, SMALL, "", &["Space pause", "n goal", "v view", "e edit", ": all", "? help"], &[]),
+    (Run, HUGE, "", &["elapsed", "D loss", "waypoint", "exploring", "q quit"], &[]),
+    (Run, NARROW, "", &["Space pause", "panes", "? help", "q quit"], &[]),
+    (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
+    (New, (20, 24), "", &["panes"], &[]),
+    (Wide, SMALL, "", &["1 dot = "], &[]),
+    (New, SMALL, "", &[], &["1 dot = "]),
+    (Mono, SMALL, "", &["#", "@", "G", "S", "D to G"], &[]),
+    (First, SMALL, "", &["light = near G", "click: a new goal", "? help"], &[]),
+    (First, SMALL, "n", &[], &["click: a new goal"]),
+    (First, SMALL, "{esc}", &[], &["click: a new goal"]),
+    // Training.
+    (New, SMALL, " ", &["paused, y: now"], &[]),
+    (New, SMALL, "  ", &[], &["paused"]),
+    (New, SMALL, "{click pause}", &["paused"], &[]),
+    (New, SMALL, "F", &["frozen"], &[]),
+    (New, SMALL, "FF", &[], &["frozen"]),
+    // Help, the list of all actions, and keys without a meaning.
+    (New, TINY, "?", &["the learned distance", "G:"], &[]),
+    (New, SMALL, "?/undo", &["undo an edit"], &["pause or resume"]),
+    (New, SMALL, "?/undo{esc}", &["pause or resume"], &[]),
+    (New, SMALL, "?{esc}", &["q quit"], &["pause or resume"]),
+    (New, SMALL, "{click ? help}", &["pause or resume"], &[]),
+    (New, SMALL, "{click : all}", &["find an action"], &[]),
+    (New, SMALL, ":qqqzzz{enter}", &["nothing in the list fits \"qqqzzz\""], &[]),
+    (New, SMALL, ":polyak{enter}", &["tau"], &[]),
+    (New, SMALL, ":colours visits{enter}", &["visits"], &[]),
+    (New, SMALL, "{f9}", &["F9 does nothing here", "? help"], &[]),
+    // Questions about the run, and settings.
+    (New, SMALL, "{click gdg-bridge}", &["continue with method"], &[]),
+    (New, SMALL, "{click default}", &["continue with preset"], &[]),
+    (New, SMALL, "{click seed}", &["restart with seed"], &[]),
+    (New, SMALL, "{click seed}{click Esc: close}", &[], &["restart with seed"]),
+    (Run, SMALL, "q", &["unsaved updates", " y save and quit"], &["type to search"]),
+    (Run, SMALL, "qc", &["q quit"], &["save and quit"]),
+    (New, SMALL, "orandom_actions{enter}{ctrl-u}lots{enter}", &["random_actions cannot be"], &[]),
+    (New, SMALL, "orandom_actions{enter}{ctrl-u}0.5{enter}", &["*random_actions"], &[]),
+    (Run, SMALL, "R", &["save this run, then start", "yes, start", "with seed 2"], &[]),
+    // Typing replaces the answer that is there, unless it was edited.
+    (New, SMALL, "ohidden{enter}7", &["> 7 "], &[]),
+    (New, SMALL, "ohidden{enter}{backspace}7", &["> 17 "], &[]),
+    (New, SMALL, "E", &["map as PNG", "curves as CSV"], &[]),
+    (New, SMALL, "T{down}", &["dark text on a light page"], &[]),
+    (New, SMALL, "T{click light   }", &["gdg-tui"], &["type to search"]),
+    (New, SMALL, ":save a checkpoint under{enter}name{click Enter: accept}", &["name.safe"], &[]),
+    // Panes.
+    (New, SMALL, "{click 4map 5log}", &["bridge edges", "contours"], &[]),
+    (New, NARROW, "{tab}", &["updates"], &["D to G"]),
+    (New, NARROW, "5", &["log"], &["D to G"]),
+    (New, SMALL, "z", &["updates"], &["D to G"]),
+    (Run, LARGE, "2", &["waypoint", "walk"], &[]),
+    (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
+    (Run, LARGE, "v", &["D from S"], &[]),
+    (New, SMALL, "i", &["cell 19,4"], &[]),
+    // Over the wall at column 10, and not beyond the map.
+    (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
+    (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
+    (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
+    // The editor.
+    (New, SMALL, "e", &["EDIT", "done"], &[]),
+    (New, TINY, "e", &["done"], &[]),
+    (New, SMALL, "{click e edit}{click done}", &[], &["EDIT"]),
+    (New, LARGE, "e{click box}", &["drag: an outline"], &["drag: walls"]),
+    (New, LARGE, "e7", &["click: add or remove g"], &["drag: walls"]),
+    (New, SMALL, "u", &["nothing to undo"], &[]),
+    (New, SMALL, "{ctrl-r}", &["nothing to redo"], &[]),
+    (New, SMALL, "e5x", &["not filled: a map needs floor"], &[]),
+    (New, SMALL, "ehhhhhhhhh6x", &["a start needs floor"], &[]),
+    (New, SMALL, "ehhhhhhhhh7x", &["a goal needs floor"], &[]),
+    // Looking back.
+    (New, SMALL, "[", &["no film yet"], &[]),
+    (Filmed, SMALL, "]", &["present"], &[]),
+    (Filmed, LARGE, "[", &["update 5,000", "Esc now"], &[]),
+    (Filmed, LARGE, "[[", &["update 2,500"], &[]),
+    (Filmed, LARGE, "[[[[", &["update 1"], &[]),
+    (Filmed, LARGE, "[[]", &["update 5,000"], &[]),
+    (Filmed, LARGE, "[{esc}", &[], &["update 5,000", "Esc now"]),
+    // Worlds without a map.
+    (Arm, SMALL, "", &["fetch-reach", "side", "D to G"], &[]),
+    (Arm, HUGE, "", &["side", "front", "top", "free"], &[]),
+    (Arm, SMALL, "P", &["front"], &[]),
+    (Arm, SMALL, "e", &["fetch-reach has no map, "], &["EDIT"]),
+    (Arm, SMALL, ":editor", &[], &["open the map editor"]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "G", "@"], &[]),
+    (Goals, SMALL, "P", &["g0\u{2192}", "g2\u{2191}"], &[]),
+    // Comparisons.
+    (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
+    (Both, TINY, "", &["needs 60 x 18 characters"], &[]),
+    (Both, LARGE, "?", &["maps are saved"], &[]),
+    (Both, LARGE, "o", &["not in a comparison"], &[]),
+    (Both, LARGE, "ov", &[], &["not in a comparison"]),
+    (Both, SMALL, "[", &["no film yet"], &[]),
+    (Both, SMALL, "e", &["EDIT", "undo"], &[]),
+    (Both, SMALL, "ee", &[], &["EDIT"]),
+    (Both, LARGE, "E", &["not in a comparison: export map or curves"], &[]),
+    // Lists of runs.
+    (List, LARGE, "", &["5 runs", "fourrooms", "Space mark", "Enter resume", "? help"], &[]),
+    (List, NARROW, "", &["Space mark", "Enter resume", "c compare", "? help", "q quit"], &[]),
+    (List, (24, 6), "", &["needs 60", "24 x 6"], &[]),
+    (List, LARGE, " j ", &["  A ", "  B "], &[]),
+    (List, LARGE, "  ", &["5 runs"], &["  A "]),
+    (List, LARGE, " j {esc}", &[], &["  A "]),
+    (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
+    (List, LARGE, "{end}{up} ", &["  A fourrooms ", " 4,000 "], &[]),
+    (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
+    (List, LARGE, "{end}{up} xxv", &["success rate without plans over seconds"], &[]),
+    (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
+    (List, LARGE, "c", &["mark two runs"], &[]),
+    (List, LARGE, "D", &["delete 1 file for good?", "y: yes  n: no"], &[]),
+    (List, LARGE, "Dn", &["5 runs"], &["for good?"]),
+    (List, SMALL, "?", &["mark"], &["damaged.safetensors"]),
+];
+
+fn play(app: &mut dyn Driven, (width, height): (u16, u16), keys: &str) {
+    let mut rest = keys;
+    while let Some(first) = rest.chars().next() {
+        let named = rest.strip_prefix('{').and_then(|rest| rest.split_once('}'));
+        match named.map(|(name, _)| (name, name.strip_prefix("click "))) {
+            Some((_, Some(text))) => {
+                let at = place_of(&shown_by(app, width, height), text);
+                click(app, MouseButton::Left, at);
+            }
+            Some((name, None)) => {
+                let combination = crokey::parse(name).expect("a key");
+                let crokey::OneToThree::One(code) = combination.codes else { panic!("{name}") };
+                press_with(app, code, combination.modifiers);
+            }
+            None => press(app, KeyCode::Char(first)),
+        }
+        rest = named.map_or_else(|| &rest[first.len_utf8()..], |(_, rest)| rest);
+        app.obey();
+        draw(app, width, height);
+    }
+}
+
+#[test]
+fn the_screen_says_what_it_should_after_keys_and_clicks() {
+    let mut failures = String::new();
+    for (stage, size @ (width, height), keys, has, lacks) in ROWS {
+        let mut app = stage.set_up(*width, *height);
+        draw(&mut *app, *width, *height);
+        play(&mut *app, *size, keys);
+        let shown = shown_by(&mut *app, *width, *height);
+        let missing = has.iter().filter(|text| !shown.contains(**text));
+        let unwanted = lacks.iter().filter(|text| shown.contains(**text));
+        for text in missing.chain(unwanted) {
+            failures += &format!("{stage:?} at {size:?} after {keys:?}: {text:?}\n{shown}\n\n");
+        }
+    }
+    assert!(failures.is_empty(), "{failures}");
+}
