@@ -13,7 +13,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
 use super::jobs::{JobOptions, Jobs, print, warn_if_short};
-use super::plan::{Length, TrainingPlan};
+use super::plan::{JobPlan, Length};
 use super::spec::{JobResult, JobSpec, JobWorld};
 use crate::host::errors::from_config_error;
 use crate::host::setup::{settings_of, split_prefix};
@@ -98,7 +98,7 @@ struct MethodRuns {
 }
 
 impl MethodRuns {
-    fn plan(&self) -> &TrainingPlan {
+    fn plan(&self) -> &JobPlan {
         &self.jobs[0].plan
     }
 }

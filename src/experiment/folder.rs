@@ -21,11 +21,8 @@ const MAX_RESULT_BYTES: u64 = 64 << 20;
 
 const MOVE_AWAY: &str = "move it away, or give --out another folder";
 
-const RESULT: Wanted = Wanted {
-    name: "the result of a job",
-    help: MOVE_AWAY,
-    own: &[FileFormat::Json, FileFormat::Text],
-};
+const FORMATS: &[FileFormat] = &[FileFormat::Json, FileFormat::Text];
+const RESULT: Wanted = Wanted { name: "the result of a job", help: MOVE_AWAY, own: FORMATS };
 
 /// What experiments write besides `jobs`.
 const REPORTS: [&str; 6] =

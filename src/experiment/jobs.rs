@@ -28,9 +28,7 @@ use crate::host::waiting::duration;
 use gdg::files::check_writable;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
-use gdg::train::{
-    self, Due, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingLoop, describe,
-};
+use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingLoop};
 
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
@@ -367,7 +365,7 @@ impl Runner<'_> {
         // its own, the last, among equals.
         let found = elsewhere(&own).into_iter().chain([own]).filter(|path| path.exists());
         if let Some(checkpoint) =
-            found.max_by_key(|path| describe(path).map_or(0, |found| found.updates))
+            found.max_by_key(|path| train::describe(path).map_or(0, |found| found.updates))
         {
             // It may be resumed another time.
             let help = "it is kept: run this again, or move it away to begin anew";

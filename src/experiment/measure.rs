@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::plan::TrainingPlan;
+use super::plan::JobPlan;
 use gdg::bridge::{self, BridgePoint, Candidates, SEARCH_BUDGET, SearchSpace};
 use gdg::draw::{Picture, Raster, Rgb, WALL, contour_interval, distance_colour};
 use gdg::env::{EnvError, EnvSettings, PointMaze, Restart, Task, TaskSet};
@@ -32,7 +32,7 @@ pub struct Measured {
     /// Walks, one per requested distance.
     pub walks: Vec<Walked>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bridge: Option<MeasuredBridge>,
+    pub bridge: Option<BridgeTrial>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub random: Option<RandomTasks>,
 }
@@ -63,7 +63,7 @@ pub struct Walked {
 
 /// A search for a bridge point b with D(s,b) + D(b,g) < D(s,g), and the distances around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MeasuredBridge {
+pub struct BridgeTrial {
     pub direct: f32,
     pub found: Option<BestBridge>,
     /// Tasks searched, the last one with success if a point was found.
@@ -87,7 +87,7 @@ pub struct BestBridge {
 /// Measures what `plan` asks for; `None` if that is nothing. Measurements that need a map are
 /// skipped without one.
 pub fn measure(
-    plan: &TrainingPlan,
+    plan: &JobPlan,
     trainer: &Trainer,
     map: Option<&Arc<Grid>>,
 ) -> Result<Option<Measured>, Report> {
@@ -151,11 +151,7 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvEr
 }
 
 /// Searches as published for a bridge point and shows it with the distances to both ends.
-fn search(
-    trainer: &Trainer,
-    job: &EvaluationJob,
-    map: &Arc<Grid>,
-) -> Result<MeasuredBridge, Report> {
+fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<BridgeTrial, Report> {
     let policy = job.policy();
     let (task, bridge, searches, tried) = search_tasks(trainer, policy, map);
     let start = start_of(&task);
@@ -185,7 +181,7 @@ fn search(
             .for_each(|(cell, distance)| all[map.index(*cell)] = hundredths(distance));
         all
     };
-    Ok(MeasuredBridge {
+    Ok(BridgeTrial {
         direct,
         found,
         searches,

@@ -50,7 +50,7 @@ pub struct JobData {
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TrainingPlan {
+pub struct JobPlan {
     pub length: Length,
     /// Evaluations, equally spaced; the last one at the end.
     pub evaluations: u64,
@@ -74,7 +74,7 @@ pub struct TrainingPlan {
     pub data: Option<JobData>,
 }
 
-impl TrainingPlan {
+impl JobPlan {
     /// Returns a plan with `evaluations` on `eval_tasks` at each distance, and nothing else.
     pub fn new(length: Length, evaluations: u64, eval_tasks: u32) -> Self {
         Self {
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn evaluations_are_equally_spaced_and_the_last_one_has_tasks_of_its_own() {
-        let plan = |updates| TrainingPlan { last_tasks: 9, ..TrainingPlan::suite(updates, 2) };
+        let plan = |updates| JobPlan { last_tasks: 9, ..JobPlan::suite(updates, 2) };
         assert_eq!(plan(25).marks(), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
         assert_eq!(plan(3).marks(), [1, 2, 3]);
         assert_eq!((plan(100).tasks_after(75), plan(100).tasks_after(103)), (2, 9));

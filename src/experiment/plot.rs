@@ -218,13 +218,8 @@ pub fn draw(runs: &[SavedRun], options: &PlotOptions) -> Result<DrawnPlot, Repor
     let table = table(&lines, axes, x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
     let title = format!("{} over {}", options.y.label(), options.x.label());
-    let page = ChartPage {
-        title: &title,
-        has_heading: false,
-        charts: &charts,
-        width: options.width,
-        columns,
-    };
+    let (title, charts, width) = (&*title, &*charts, options.width);
+    let page = ChartPage { title, has_heading: false, charts, width, columns };
     let seeds = || lines.iter().map(|line| line.seeds.len());
     let band = match [seeds().min(), seeds().max()].map(Option::unwrap_or_default) {
         [_, 0 | 1] => "one seed".to_owned(),

@@ -46,7 +46,7 @@ const COLUMNS: [ReportColumn; 10] = [
 ];
 
 /// One line: a map, a method with its settings, and the results of its seeds.
-pub struct ReportRow {
+pub struct JobRow {
     /// The map's name, with what tells it apart from others of that name.
     map: String,
     /// The method, with what tells it apart from its others.
@@ -59,19 +59,19 @@ pub struct ReportRow {
 
 /// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
 /// so that no method's results replace those of another; and what cannot be used there.
-pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<ReportRow>, Vec<Report>) {
+pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<JobRow>, Vec<Report>) {
     let (mut others, problems) = folder.results();
     others.retain(|result| jobs.iter().all(|job| job.name != result.name));
     let own = jobs.iter().map(|job| folder.result_of(job).unwrap_or_else(|| job.open_result()));
     let all: Vec<JobResult> = own.chain(others).collect();
     let runs = all.iter().map(|result| SavedRun::of_result(result.clone(), PathBuf::new()));
     let grouping = Grouping::new(&runs.collect::<Vec<_>>(), &[]);
-    let mut rows: Vec<ReportRow> = Vec::new();
+    let mut rows: Vec<JobRow> = Vec::new();
     for (i, result) in all.into_iter().enumerate() {
         let [method, map, setting] = &grouping.parts[i];
         let gap = if setting.is_empty() { "" } else { ", " };
         let label = format!("{method}{gap}{setting}");
-        let is_of = |row: &ReportRow| {
+        let is_of = |row: &JobRow| {
             (&row.map, &row.label, row.about.updates) == (map, &label, result.updates)
         };
         let at = rows.iter().position(is_of).unwrap_or_else(|| {
@@ -80,7 +80,7 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<ReportRow>, Vec<Report>) 
             let (about, jobs, results) = (result.clone(), Vec::new(), Vec::new());
             rows.insert(
                 at,
-                ReportRow { map: map.clone(), label: label.clone(), about, jobs, results },
+                JobRow { map: map.clone(), label: label.clone(), about, jobs, results },
             );
             at
         });
@@ -97,7 +97,7 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<ReportRow>, Vec<Report>) 
 
 /// Returns the table: a line per map and method and, for several maps, lines with the mean and the
 /// worst of each column. In Markdown with all columns, or aligned with those that matter.
-pub fn table(rows: &[ReportRow], as_markdown: bool) -> String {
+pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
     let columns = || COLUMNS.iter().filter(|column| as_markdown || column.matters);
     let plain = |text: &str| if as_markdown { markdown(text) } else { text.to_owned() };
     let heads = ["map", "method", "updates"].into_iter().chain(columns().map(|own| own.title));
@@ -175,7 +175,7 @@ fn mean(values: &[f64]) -> f64 {
 
 /// Returns the report on `rows`, whose pictures are in `folder`; `caption` is that of the learning
 /// curves, if there are any.
-pub fn report(rows: &[ReportRow], folder: &Folder, caption: Option<&str>) -> String {
+pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String {
     let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table(rows, true));
     out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light \
             near and dark far, with contour lines; from the start (blue), the plan is red and the \
@@ -211,7 +211,7 @@ pub fn report(rows: &[ReportRow], folder: &Folder, caption: Option<&str>) -> Str
     out
 }
 
-fn about(rows: &[ReportRow]) -> String {
+fn about(rows: &[JobRow]) -> String {
     let seeds = rows.iter().map(|row| row.jobs.len().max(row.results.len())).max().unwrap_or(0);
     format!(
         "gdg-tui {}; {} each, on tasks at six distances. Agents start at the map's `S`; on a map \

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::measure::Measured;
-use super::plan::{JobData, Length, TrainingPlan};
+use super::plan::{JobData, JobPlan, Length};
 use crate::host::find_maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
@@ -114,11 +114,11 @@ pub struct JobSpec {
     pub variant: Option<String>,
     pub world: JobWorld,
     pub run: Run,
-    pub plan: TrainingPlan,
+    pub plan: JobPlan,
 }
 
 impl JobSpec {
-    pub fn new(world: JobWorld, label: &str, run: Run, plan: TrainingPlan) -> Result<Self, Report> {
+    pub fn new(world: JobWorld, label: &str, run: Run, plan: JobPlan) -> Result<Self, Report> {
         let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
         let named = || world.fingerprint().unwrap_or_default();
         let content = world.map().map_or_else(named, |map| content(map));
@@ -272,10 +272,10 @@ mod tests {
 
     #[test]
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
-        let job = |map: &str, seed, change: fn(&mut Run, &mut TrainingPlan)| {
+        let job = |map: &str, seed, change: fn(&mut Run, &mut JobPlan)| {
             let (method, settings) = (Method::default(), Preset::Default.settings());
             let mut run = Run { method, preset: Preset::Default, seed, settings };
-            let mut plan = TrainingPlan { max_steps: Some(500), ..TrainingPlan::suite(100, 2) };
+            let mut plan = JobPlan { max_steps: Some(500), ..JobPlan::suite(100, 2) };
             change(&mut run, &mut plan);
             let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
             JobSpec::new(JobWorld::maze(&map, seed), "gdg", run, plan).expect("a job")

@@ -7,9 +7,9 @@ use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::jobs::{JobOptions, Jobs, print, warn_if_short};
-use super::plan::TrainingPlan;
+use super::plan::JobPlan;
 use super::plot::{self, By, DrawnPlot, PAGE};
-use super::report::{CURVES, ReportRow, report, rows, table};
+use super::report::{CURVES, JobRow, report, rows, table};
 use super::saved_runs::SavedRun;
 use super::spec::{JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
@@ -134,7 +134,7 @@ pub fn prepare<'a>(
             for variant in &variants {
                 for seed in 1..=options.seeds {
                     let run = setup::run(&variant.run, Path::new(opened_by), registry, seed)?;
-                    let plan = TrainingPlan::suite(updates, options.eval_tasks);
+                    let plan = JobPlan::suite(updates, options.eval_tasks);
                     let job = JobSpec::new(world.with_start(seed), &variant.label, run, plan)?;
                     jobs.push(JobSpec { variant: variant.name.clone(), ..job });
                     usual.push(usual_updates);
@@ -212,7 +212,7 @@ impl Suite<'_> {
 
     /// Draws the learning curves, a chart for each map; returns their caption, or `None` without
     /// results.
-    fn draw_curves(&self, rows: &[ReportRow]) -> Result<Option<String>, Report> {
+    fn draw_curves(&self, rows: &[JobRow]) -> Result<Option<String>, Report> {
         let folder = &self.jobs.folder;
         let results = rows.iter().flat_map(|row| &row.results);
         let runs: Vec<SavedRun> = results

@@ -9,7 +9,7 @@ use crate::host::setup::{RunChoice, SettingsBase, split_prefix};
 use gdg::settings::SettingAblation;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
 
-pub struct SuiteVariant {
+pub struct JobVariant {
     pub name: Option<String>,
     /// What names of jobs say of it.
     pub label: String,
@@ -81,7 +81,7 @@ pub fn variants(
     methods: &[Method],
     base: &RunChoice,
     sweeps: &[String],
-) -> Result<Vec<SuiteVariant>, Report> {
+) -> Result<Vec<JobVariant>, Report> {
     let sweeps = combinations(sweeps)?;
     let own: Vec<String> = methods.iter().map(Method::name).collect();
     let mut names: Vec<Option<&str>> = vec![None];
@@ -100,7 +100,7 @@ pub fn variants(
             };
             let own = base.set.iter().filter(is_own).map(|text| split_prefix(text).1.to_owned());
             let set: Vec<String> = own.collect();
-            all.extend(sweeps.iter().map(|swept| SuiteVariant {
+            all.extend(sweeps.iter().map(|swept| JobVariant {
                 name: name.map(str::to_owned),
                 label: label(&method.name(), *name, swept),
                 run: RunChoice {
@@ -149,14 +149,14 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
 
 impl Ablation {
     /// Returns its variants in the order of the table, each on top of the settings of `base`.
-    pub fn variants(self, base: &RunChoice) -> Vec<SuiteVariant> {
+    pub fn variants(self, base: &RunChoice) -> Vec<JobVariant> {
         let variant = |name: &str, method: &str, preset, set: &[String]| {
             let label = label(method, Some(name), &[]);
             let method = method.parse().unwrap_or_default();
             let set = [&base.set, set].concat();
             let base = SettingsBase { preset: Some(preset), config: None };
             let run = RunChoice { method, base, set };
-            SuiteVariant { name: Some(name.to_owned()), label, run }
+            JobVariant { name: Some(name.to_owned()), label, run }
         };
         if self == Self::Ladder {
             let (default, mut set) = (list_settings(&Settings::default()), Vec::new());
@@ -193,7 +193,7 @@ mod tests {
         RunChoice { method: Method::default(), base: SettingsBase::default(), set }
     }
 
-    fn settings(variant: &SuiteVariant) -> Settings {
+    fn settings(variant: &JobVariant) -> Settings {
         let overrides = Overrides { set: &variant.run.set, ..Overrides::default() };
         settings_from(variant.run.base.preset.expect("a preset"), &overrides)
             .expect("valid settings")

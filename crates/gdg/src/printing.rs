@@ -257,8 +257,7 @@ fn hurries() -> bool {
 }
 
 /// Waits at the end of the program until everything is written (see [`OutputStream::flush`]);
-/// errors have
-/// been reported, or cannot be.
+/// errors have been reported, or cannot be.
 pub fn finish() {
     let _ = STDOUT.flush();
     let _ = STDERR.flush();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use miette::{Report, miette};
 
-use crate::experiment::plan::{JobData, Length, TrainingPlan};
+use crate::experiment::plan::{JobData, JobPlan, Length};
 use gdg::bridge::Planner;
 use gdg::draw::Rgb;
 use gdg::job::Job;
@@ -284,26 +284,24 @@ const fn of(name: &'static str, title: &'static str, world: &'static str, shows:
 impl Figure {
     /// Returns what a job of `method` does under `budget`. Figures on the same map have the same
     /// plans and share jobs.
-    pub fn plan(&self, budget: Budget, method: &str) -> TrainingPlan {
+    pub fn plan(&self, budget: Budget, method: &str) -> JobPlan {
         match self.world {
             "ogbench" => {
                 let updates = if budget == Budget::Quick { 5_000 } else { 10_000 };
-                TrainingPlan {
-                    last_tasks: 50,
-                    ..TrainingPlan::new(Length::Updates(updates), updates / 1_000, 10)
-                }
+                let plan = JobPlan::new(Length::Updates(updates), updates / 1_000, 10);
+                JobPlan { last_tasks: 50, ..plan }
             }
             // Evaluations, every 40 environment steps, come after whole steps of all agents. The
             // paper gives no number of steps; its budget shows that what was learned stays.
             "fetch-reach" => {
                 let steps = if budget == Budget::Quick { 3_000 } else { 10_000 };
-                TrainingPlan::new(Length::Steps(steps), steps / 40, 20)
+                JobPlan::new(Length::Steps(steps), steps / 40, 20)
             }
             _ => self.maze_plan(budget, method),
         }
     }
 
-    fn maze_plan(&self, budget: Budget, method: &str) -> TrainingPlan {
+    fn maze_plan(&self, budget: Budget, method: &str) -> JobPlan {
         let is_ours = ["default", "default-gdg"].contains(&method);
         // Updates, how many times as many for the paper's methods, and the paper's episodes.
         let (updates, times, episodes) = match self.world {
@@ -328,22 +326,17 @@ impl Figure {
         // The paper tests every 20,000 episodes.
         let evaluations =
             if let Length::Episodes(episodes) = length { episodes / 20_000 } else { 10 };
-        let plan = TrainingPlan {
-            max_steps: Some(MAX_STEPS),
-            ..TrainingPlan::new(length, evaluations, 10)
-        };
+        let plan = JobPlan { max_steps: Some(MAX_STEPS), ..JobPlan::new(length, evaluations, 10) };
         match self.world {
-            "city" => TrainingPlan {
+            "city" => JobPlan {
                 last_tasks: 100,
                 random_tasks: Some(RANDOM_TASKS),
                 walks: PATH_DISTANCES.to_vec(),
                 ..plan
             },
             // One walk a time takes little, and it differs from one evaluation to the next.
-            ONE_GOAL_MAP => {
-                TrainingPlan { evaluations: 5 * plan.evaluations, eval_tasks: 1, ..plan }
-            }
-            _ => TrainingPlan { bridge: true, ..plan },
+            ONE_GOAL_MAP => JobPlan { evaluations: 5 * plan.evaluations, eval_tasks: 1, ..plan },
+            _ => JobPlan { bridge: true, ..plan },
         }
     }
 
@@ -452,7 +445,7 @@ mod tests {
             let [.., fig3, fig4, fig5, fig6, _] = FIGURES;
             let plan = |figure: Figure| figure.plan(budget, "gdg");
             assert!(plan(fig3) == plan(fig4) && plan(fig4) == plan(fig5));
-            let plans: Vec<TrainingPlan> =
+            let plans: Vec<JobPlan> =
                 fig6.paper.iter().map(|(name, _)| fig6.plan(budget, name)).collect();
             assert!(plans.len() == 4 && plans.iter().all(|plan| *plan == plans[0]), "{budget:?}");
         }

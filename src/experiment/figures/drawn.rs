@@ -7,7 +7,7 @@ use miette::Report;
 use super::MethodRuns;
 use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
-use crate::experiment::measure::{MeasuredBridge, RandomTasks, Walked, draw_walk, field};
+use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{Axis, Points, SeedCurves, csv_of, table};
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
@@ -167,8 +167,8 @@ fn walk_caption(walk: &Walked) -> String {
 
 /// Returns the four panels of Figure 2: D(s,.), D(.,g), their sum with the bridge point, and the
 /// plan with the walk.
-fn bridge_row(map: &Grid, title: &str, bridge: &MeasuredBridge) -> Vec<MapPanel> {
-    let MeasuredBridge { direct, found, searches, tried, from_start, to_goal, walk } = bridge;
+fn bridge_row(map: &Grid, title: &str, bridge: &BridgeTrial) -> Vec<MapPanel> {
+    let BridgeTrial { direct, found, searches, tried, from_start, to_goal, walk } = bridge;
     let sum = from_start.iter().zip(to_goal).map(|(from, to)| Some((*from)? + (*to)?));
     let sum: Vec<Option<f32>> = sum.collect();
     let (raster, point) = (raster(map), found.map(|found| found.point));
