@@ -221,6 +221,7 @@ fn what_is_missing_or_unsupported_is_said() {
         ("Dense", "does not say when a goal is reached: give --goal-radius"),
         ("Absent", "Environment `Absent` doesn't exist"),
         ("Whole", "its actions are whole numbers"),
+        ("Empty", "its observations are no numbers at all"),
         ("OldStep", "has to return observation, reward, terminated, truncated, info"),
         ("OldReset", "the old gym: reset takes seed and options"),
         ("NoInfo", "this has to return observation, info"),
@@ -264,6 +265,7 @@ fn what_the_learner_needs_is_found_out() {
     assert!((0.3..0.6).contains(&change), "actions up to 0.5: {change}");
     let half = found["half_range"][1].as_f64().unwrap();
     assert!((5.0..8.0).contains(&half), "goals within 5: {half}");
+    start("Strict", &[]);
     let tasks = start("Tasks", &[]);
     assert_eq!((&tasks["achieved"], &tasks["tasks"]), (&serde_json::json!([0, 1]), &3.into()));
     assert_eq!(start("Tasks", &["--goal", "1"])["achieved"], serde_json::json!([1]));
@@ -645,14 +647,25 @@ fn a_run_is_refused_where_its_environment_is_missing_or_another() {
     let other = resumed(&|command| {
         command.env("AWKWARD_EXTRA", "1");
     });
-    for output in [&elsewhere, &other] {
+    let weaker = resumed(&|command| {
+        command.env("AWKWARD_BOUND", "0.05");
+    });
+    for output in [&elsewhere, &other, &weaker] {
         assert_eq!(output.status.code(), Some(2), "{}", stderr(output));
         assert_eq!(before, std::fs::read(folder.path().join("run.safetensors")).unwrap());
     }
     assert_says(&stderr(&elsewhere), "there is no Python module awkward");
     assert!(stderr(&elsewhere).contains("the checkpoint itself is sound"));
-    assert!(stderr(&other).contains("other observations, goals or"), "{}", stderr(&other));
-    assert!(resumed(&|_| {}).status.success());
+    for output in [&other, &weaker] {
+        assert!(stderr(output).contains("other observations, goals or"), "{}", stderr(output));
+    }
+    let shorter = resumed(&|command| {
+        command.env("AWKWARD_LIMIT", "7");
+    });
+    assert!(shorter.status.success());
+    assert!(stderr(&shorter).contains("was 40 and is 7 now"), "{}", stderr(&shorter));
+    let same = resumed(&|_| {});
+    assert!(same.status.success() && !stderr(&same).contains("time limit"));
     // What was found out belongs to the run.
     let mut again = resume(folder.path(), "run.safetensors", &["--goal-radius", "2"]);
     assert_eq!(again.output().unwrap().status.code(), Some(2));

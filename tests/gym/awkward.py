@@ -2,7 +2,8 @@
 
 All are a point in a square that moves by its action, with a goal. What goes wrong goes wrong after
 AWKWARD_AFTER steps of the process, or from the start. With AWKWARD_EXTRA, observations have so many
-more numbers: another version of the environment.
+more numbers, and AWKWARD_BOUND and AWKWARD_LIMIT are its largest action and its time limit: another
+version of the environment.
 """
 
 import ctypes
@@ -21,6 +22,8 @@ import numpy as np
 SIDE, RADIUS = 5.0, 0.5
 AFTER = int(os.environ.get("AWKWARD_AFTER", "1000000000"))
 EXTRA = int(os.environ.get("AWKWARD_EXTRA", "0"))
+BOUND = float(os.environ.get("AWKWARD_BOUND", "0.5"))
+LIMIT = int(os.environ.get("AWKWARD_LIMIT", "40"))
 steps = 0
 number = None
 
@@ -35,7 +38,7 @@ class Point(gym.Env):
         self.observation_space = gym.spaces.Dict(
             observation=box(3 + EXTRA), achieved_goal=box(2), desired_goal=box(2)
         )
-        self.action_space = gym.spaces.Box(-0.5, 0.5, (2,), np.float32)
+        self.action_space = gym.spaces.Box(-BOUND, BOUND, (2,), np.float32)
         self.at, self.goal, self.wind = np.zeros(2), np.zeros(2), 0.0
 
     def observe(self):
@@ -69,6 +72,18 @@ class Point(gym.Env):
 
     def misbehave(self):
         pass
+
+
+class Strict(Point):
+    """Has bounds of double precision, which single precision rounds outward."""
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        self.action_space = gym.spaces.Box(-0.1, 0.1, (2,), np.float64)
+
+    def step(self, action):
+        assert self.action_space.contains(action), "actions are within their bounds"
+        return super().step(action)
 
 
 class Raises(Point):
@@ -211,7 +226,7 @@ class Cut(Point):
 class Tasks(Point):
     """Has its goal in `info` and three tasks, as OGBench has."""
 
-    num_tasks = 3
+    num_tasks = np.int64(3)
     _goal_tol = RADIUS
 
     def __init__(self, **how):
@@ -260,6 +275,12 @@ class Whole(Point):
     def __init__(self, **how):
         super().__init__(**how)
         self.action_space = gym.spaces.Box(-1, 1, (2,), np.int64)
+
+
+class Empty(Point):
+    def __init__(self, **how):
+        super().__init__(**how)
+        self.observation_space["observation"] = gym.spaces.Box(0, 1, (0,), np.float64)
 
 
 class OldStep(Point):
@@ -339,5 +360,5 @@ class Slow(Point):
 
 for kind in list(globals().values()):
     if isinstance(kind, type) and issubclass(kind, Point):
-        gym.register(f"{kind.__name__}-v0", kind, max_episode_steps=40)
+        gym.register(f"{kind.__name__}-v0", kind, max_episode_steps=LIMIT)
 gym.register("Endless-v0", Point, max_episode_steps=sys.maxsize)

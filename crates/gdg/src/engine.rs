@@ -51,6 +51,9 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// networks, edits of the largest maps and slow disks take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
 
+/// The longest that one look at a stopping trainer counts for.
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
+
 /// Niceness of the training threads relative to the front end: with this value, a thread gets about
 /// a tenth of a contended core.
 #[cfg(target_os = "linux")]
@@ -156,15 +159,17 @@ impl Engine {
         let job = self.job().clone();
         drop(self.link);
         job.cancel();
-        let (mut beats, mut moved) = (job.beats(), Instant::now());
+        let (mut beats, mut still) = (job.beats(), Duration::ZERO);
         while !self.thread.is_finished() {
-            let now = job.beats();
-            if now != beats {
-                (beats, moved) = (now, Instant::now());
-            } else if moved.elapsed() > hung_after {
+            let (now, began) = (job.beats(), Instant::now());
+            std::thread::sleep(Duration::from_millis(2));
+            // A longer wait: this program was stopped meanwhile, and so was its trainer.
+            let waited = began.elapsed().min(LONGEST_WAIT);
+            still = if now == beats { still + waited } else { Duration::ZERO };
+            if still > hung_after {
                 return None;
             }
-            std::thread::sleep(Duration::from_millis(2));
+            beats = now;
         }
         self.thread.join().ok()
     }

@@ -115,7 +115,7 @@ impl Gym {
         let pool = if options.reads_only {
             Pool::only_read(address, options, about, found)?
         } else {
-            Pool::open(address, options, Some(found))?
+            Pool::open(address, options, Some((found, about)))?
         };
         Ok(Self::without_agents(Arc::new(pool), !options.reads_only))
     }

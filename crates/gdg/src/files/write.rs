@@ -174,11 +174,18 @@ fn sync(file: &File) -> Result<()> {
 fn remove_stale(folder: &Path) {
     let ours = |name: &str| name.starts_with(TEMP_AFFIXES.0) && name.ends_with(TEMP_AFFIXES.1);
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_old = |found: Metadata| {
+        found.modified().is_ok_and(|at| at.elapsed().unwrap_or_default() > STALE_AFTER)
+    };
     for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(ours)) {
         let path = entry.path();
+        // Of a check that was killed.
+        if entry.metadata().is_ok_and(|found| found.is_dir() && is_old(found)) {
+            let _ = std::fs::remove_dir_all(&path);
+            continue;
+        }
         let abandoned = |file: File| {
-            let age = file.metadata()?.modified()?.elapsed().unwrap_or_default();
-            Ok(age > STALE_AFTER && file.try_lock().is_ok() && is_at(&file, &path))
+            Ok(is_old(file.metadata()?) && file.try_lock().is_ok() && is_at(&file, &path))
         };
         if super::open(&path).and_then(abandoned).unwrap_or(false) {
             let _ = std::fs::remove_file(&path);
@@ -338,11 +345,19 @@ mod tests {
             old(name);
         }
         File::create(folder.path().join(".gdg-3.tmp")).expect("a file");
+        for (name, age) in [(".gdg-4.tmp", 10 * STALE_AFTER), (".gdg-5.tmp", Duration::ZERO)] {
+            let of_a_check = folder.path().join(name);
+            std::fs::create_dir(&of_a_check).expect("a folder");
+            std::fs::write(of_a_check.join("run"), b"gdg-tui").expect("written");
+            let changed = File::open(&of_a_check).expect("a folder");
+            changed.set_modified(SystemTime::now() - age).expect("set");
+        }
         for _ in 0..3 {
             write_to_unused(&folder.path().join("run.v2.st"), b"x").expect("written");
         }
         let runs = ["run.v2-2.st", "run.v2-3.st", "run.v2.st"];
-        let expected = [&[".gdg-1.tmp", ".gdg-3.tmp"][..], &runs, &["somebody's.tmp"]].concat();
+        let left = [".gdg-1.tmp", ".gdg-3.tmp", ".gdg-5.tmp"];
+        let expected = [&left[..], &runs, &["somebody's.tmp"]].concat();
         assert_eq!(names(folder.path()), expected);
     }
 

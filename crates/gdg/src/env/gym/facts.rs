@@ -47,6 +47,10 @@ const POSITIONS_RADII: f32 = 12.0;
 /// A goal radius spans at least this many steps of single precision.
 const LEAST_RESOLVED: f32 = 16.0;
 
+/// Why a run cannot go on.
+pub const OTHER_ENVIRONMENT: &str = "its environment has other observations, goals or actions now: \
+                                     install the version that the run began with";
+
 /// What has been found out. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EnvFacts {
@@ -94,10 +98,7 @@ impl EnvFacts {
             (false, _) => {
                 Err(StoreError::inconsistent("what it stores of its world is inconsistent"))
             }
-            (true, false) => Err(StoreError::inconsistent(
-                "its environment has other observations, goals or actions now: install the \
-                 version that the run began with",
-            )),
+            (true, false) => Err(StoreError::inconsistent(OTHER_ENVIRONMENT)),
             (true, true) => Ok(()),
         }
     }

@@ -84,6 +84,8 @@ def flat_numbers(space, what):
         raise Unsupported(f"{what} {kind}: only vectors of numbers are supported")
     if space.shape[0] > MAX_NUMBERS:
         raise Unsupported(f"{what} {space.shape[0]} numbers: at most {MAX_NUMBERS} are supported")
+    if space.shape[0] == 0:
+        raise Unsupported(f"{what} no numbers at all: at least one is needed")
     return space.shape[0]
 
 
@@ -270,6 +272,7 @@ def describe(slot, package):
         radius = MAZE_RADIUS
     says_radius = isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
     limit = gym.spec(slot.env.spec.id).max_episode_steps
+    tasks = None if goals.in_observation else getattr(own, "num_tasks", None)
     return {
         "observed": goals.observed,
         "achieved": goals.achieved,
@@ -277,7 +280,7 @@ def describe(slot, package):
         "low": bounds(actions.low),
         "high": bounds(actions.high),
         "time_limit": None if limit is None else int(limit),
-        "tasks": None if goals.in_observation else getattr(own, "num_tasks", None),
+        "tasks": int(tasks) if isinstance(tasks, (int, np.integer)) else None,
         "goal_radius": float(radius) if says_radius else None,
         "maze": find_maze(own),
         "versions": versions(package),
@@ -304,7 +307,9 @@ def step_all(body):
     for slot, action in zip(slots, actions):
         # Not a number is the action of those that rest.
         if not slot.ended and action[0] == action[0]:
-            slot.last = goals.observe(step(slot, action.astype(space.dtype)))
+            # Bounds of double precision have been rounded on the way.
+            action = np.clip(action.astype(space.dtype), space.low, space.high)
+            slot.last = goals.observe(step(slot, action))
     return np.concatenate([slot.row() for slot in slots[: len(actions)]])
 
 

@@ -17,9 +17,11 @@ use nix::unistd::Pid;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 
+use super::facts::OTHER_ENVIRONMENT;
 use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, MAX_MAGNITUDE, Walls};
 use crate::job::Job;
+use crate::store::StoreError;
 use crate::text::{grouped, truncated};
 
 /// What the worker runs.
@@ -150,6 +152,16 @@ impl EnvDescription {
         let endless = endless
             .then(|| format!("its time limit is ignored: episodes have at most {most} steps"));
         endless.into_iter().chain(self.unbounded())
+    }
+
+    /// Checks that actions mean what they did when this was `kept`; warns of another time limit.
+    pub fn changes_since(&self, kept: &Self) -> Result<Option<String>, StoreError> {
+        if (&self.low, &self.high) != (&kept.low, &kept.high) {
+            return Err(StoreError::inconsistent(OTHER_ENVIRONMENT));
+        }
+        let steps = |limit: Option<u64>| limit.map_or("none".to_owned(), grouped);
+        let [was, is] = [kept.time_limit, self.time_limit].map(steps);
+        Ok((was != is).then(|| format!("its time limit, in steps, was {was} and is {is} now")))
     }
 
     fn unbounded(&self) -> Option<String> {

@@ -130,23 +130,26 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Opens an environment. What the learner needs is found out unless that has been done before.
+    /// Opens an environment. What the learner needs is found out unless a checkpoint has `kept` it,
+    /// with what the environment was like.
     pub fn open(
         address: Address,
         options: &GymOptions,
-        found: Option<EnvFacts>,
+        kept: Option<(EnvFacts, EnvDescription)>,
     ) -> Result<Self, EnvError> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
-        let is_new = found.is_none();
-        let found = match found {
-            Some(found) => found,
-            None => facts::find(&mut worker, &about, options.goal.as_deref(), options.goal_radius)?,
+        let (found, warnings) = match kept {
+            Some((found, kept)) => (found, about.changes_since(&kept)?.into_iter().collect()),
+            None => {
+                let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
+                let warnings: Vec<String> = about.warnings().collect();
+                (facts::find(&mut worker, &about, goal, radius)?, warnings)
+            }
         };
         let mut pool = Self::unopened(address, options, about, found)?;
         pool.job = job;
         pool.idle.lock().push(worker);
-        let warnings: Vec<String> = pool.about.warnings().filter(|_| is_new).collect();
         warnings.iter().for_each(|warning| pool.warn(warning));
         Ok(pool)
     }
