@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::worker::{EnvDescription, GymWorker};
+use super::worker::{EnvDescription, GymWorker, OTHER_ENVIRONMENT};
 use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
@@ -46,10 +46,6 @@ const POSITIONS_RADII: f32 = 12.0;
 
 /// A goal radius spans at least this many steps of single precision.
 const LEAST_RESOLVED: f32 = 16.0;
-
-/// Why a run cannot go on.
-pub const OTHER_ENVIRONMENT: &str = "its environment has other observations, goals or actions now: \
-                                     install the version that the run began with";
 
 /// What has been found out. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -17,7 +17,6 @@ use nix::unistd::Pid;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 
-use super::facts::OTHER_ENVIRONMENT;
 use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, MAX_MAGNITUDE, Walls};
 use crate::job::Job;
@@ -77,6 +76,10 @@ const STOPPING: Duration = Duration::from_secs(2);
 
 /// How long one look for an answer takes.
 const LOOK: Duration = Duration::from_millis(100);
+
+/// Why a run cannot go on.
+pub const OTHER_ENVIRONMENT: &str = "its environment has other observations, goals or actions now: \
+                                     install the version that the run began with";
 
 /// What the program asks a worker to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,8 +162,7 @@ impl EnvDescription {
         if (&self.low, &self.high) != (&kept.low, &kept.high) {
             return Err(StoreError::inconsistent(OTHER_ENVIRONMENT));
         }
-        let steps = |limit: Option<u64>| limit.map_or("none".to_owned(), grouped);
-        let [was, is] = [kept.time_limit, self.time_limit].map(steps);
+        let [was, is] = [kept, self].map(|one| one.time_limit.map_or("none".to_owned(), grouped));
         Ok((was != is).then(|| format!("its time limit, in steps, was {was} and is {is} now")))
     }
 

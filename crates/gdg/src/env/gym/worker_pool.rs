@@ -130,8 +130,7 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Opens an environment. What the learner needs is found out unless a checkpoint has `kept` it,
-    /// with what the environment was like.
+    /// Opens an environment. What the learner needs is found out unless a checkpoint has `kept` it.
     pub fn open(
         address: Address,
         options: &GymOptions,
