@@ -24,11 +24,11 @@ pub(crate) const RELEARN_N_STEP: usize = 20;
 /// Share of the dynamics model's transitions that are recent while distances are relearned.
 pub(crate) const RELEARN_RECENT: f32 = 0.5;
 
-/// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance ...
+/// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance.
 pub(crate) const GRAPH_LOWER_FACTOR: f32 = 0.6;
 
-/// ... less this many steps: while few paths are known, those through the graph make long detours
-/// between near places.
+/// Steps that are subtracted from this bound: while few paths are known, those through the graph
+/// make long detours between near places.
 pub(crate) const GRAPH_LOWER_SLACK_STEPS: f32 = 6.0;
 
 /// Bound of the actor's outputs before tanh where its action makes less progress than
@@ -41,12 +41,12 @@ pub(crate) const STUCK_BOUND: f32 = 1.0;
 pub(crate) const STUCK_PROGRESS_STEPS: f32 = 0.2;
 
 /// While distances are relearned, a lower bound raises a target to at most this multiple of what it
-/// would be without ...
+/// would be without.
 pub(crate) const RAISE_FACTOR: f32 = 2.0;
 
-/// ... and this many steps more. The way round a new wall can be many times as long as the one
-/// through it: the error of such a pair would outweigh all others in the batch, and raise D of pairs
-/// with the same offset that are far away from the wall.
+/// Steps by which it may exceed that multiple. The way round a new wall can be many times as long
+/// as the one through it: the error of such a pair would outweigh all others in the batch, and
+/// raise D of pairs with the same offset that are far away from the wall.
 pub(crate) const RAISE_STEPS: f32 = 4.0;
 
 /// Training data of one update.
