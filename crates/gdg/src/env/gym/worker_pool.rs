@@ -118,8 +118,6 @@ pub struct Pool {
     pub options: GymOptions,
     /// What its workers say of it.
     pub about: EnvDescription,
-    /// What has been found out.
-    pub found: EnvFacts,
     /// Says when training is to stop.
     pub job: Arc<Mutex<Job>>,
     /// What its users should know and have not been told yet.
@@ -130,12 +128,13 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Opens an environment. What the learner needs is found out unless that has been done before.
+    /// Opens an environment. What the learner needs is found out unless that has been done before;
+    /// it is returned beside it.
     pub fn open(
         address: Address,
         options: &GymOptions,
         found: Option<EnvFacts>,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<(Self, EnvFacts), EnvError> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
         let is_new = found.is_none();
@@ -143,12 +142,12 @@ impl Pool {
             Some(found) => found,
             None => facts::find(&mut worker, &about, options.goal.as_deref(), options.goal_radius)?,
         };
-        let mut pool = Self::unopened(address, options, about, found)?;
+        let (mut pool, found) = Self::unopened(address, options, about, found)?;
         pool.job = job;
         pool.idle.lock().push(worker);
         let warnings: Vec<String> = pool.about.warnings().filter(|_| is_new).collect();
         warnings.iter().for_each(|warning| pool.warn(warning));
-        Ok(pool)
+        Ok((pool, found))
     }
 
     /// Returns what a checkpoint knows of an environment, which is not opened.
@@ -157,7 +156,7 @@ impl Pool {
         options: &GymOptions,
         about: EnvDescription,
         found: EnvFacts,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<(Self, EnvFacts), EnvError> {
         if !about.is_sound() {
             let problem = "what it stores of its environment makes no sense";
             return Err(StoreError::inconsistent(problem).into());
@@ -170,18 +169,18 @@ impl Pool {
         options: &GymOptions,
         about: EnvDescription,
         found: EnvFacts,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<(Self, EnvFacts), EnvError> {
         found.check(&about)?;
-        Ok(Self {
+        let pool = Self {
             address,
             options: options.clone(),
             about,
-            found,
             job: Arc::default(),
             warnings: Mutex::default(),
             said: AtomicBool::new(false),
             idle: Mutex::default(),
-        })
+        };
+        Ok((pool, found))
     }
 
     /// Keeps a warning until it is shown.
