@@ -183,7 +183,8 @@ pub fn learn_from(
     progress.begin(2, BEGIN_STAGES);
     let data = Dataset::read(file, trainer.world(), progress).map_err(from_data_error)?;
     progress.begin(3, BEGIN_STAGES);
-    let LeftOut { impossible, by_chance } = trainer.learn_from(&data, progress);
+    let LeftOut { impossible, by_chance } =
+        trainer.learn_from(&data, progress).into_diagnostic()?;
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
     if 2 * impossible > all {
         let help = "give the data of this world: positions in its unit, on this map";

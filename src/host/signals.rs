@@ -41,8 +41,8 @@ const ENDING: [i32; 9] =
 /// the real-time signals, less those that C libraries use.
 const LINUX: [std::ops::RangeInclusive<i32>; 3] = [16..=16, 29..=30, 34..=64];
 
-/// Signals whose repetition is no request to end at once: both the shell and the system send SIGHUP
-/// when a terminal closes, and timers keep firing.
+/// Signals that may come twice though nobody asks twice, and so never end the program at once: both
+/// the shell and the system send SIGHUP when a terminal closes, and timers keep firing.
 const REPEATING: [i32; 5] = [SIGHUP, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 
 /// The termination signal received so far, if any.

@@ -194,8 +194,8 @@ fn lost(snapshot: &Snapshot, also: &str) -> String {
     }
 }
 
-/// Asks whether to leave a run, which can be saved first if it is `unsaved`: to `begin` something,
-/// with what there is to say about that.
+/// Asks whether to leave a run, which can be saved first if it is `unsaved`, to `begin` what
+/// `about` describes.
 pub fn leave(
     title: impl Into<String>,
     begin: &str,

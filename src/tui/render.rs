@@ -13,6 +13,7 @@
 //! +----------------------------------------------------------+
 //! ```
 
+mod caption;
 pub(super) mod curves;
 pub(super) mod dialog;
 pub(super) mod footer;
@@ -21,7 +22,6 @@ pub(super) mod help;
 mod hint;
 pub(super) mod pane_chart;
 mod side;
-mod tour;
 mod training;
 
 use ratatui::Frame;
@@ -109,7 +109,7 @@ pub fn draw_panes(
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         scene.draw(page.frame, [map, info], screen, &mut page.layout, cache);
         hint::draw(&mut page, map);
-        tour::draw(&mut page, map);
+        caption::draw(&mut page, map);
         if !side.is_empty() {
             side::draw(&mut page, side);
         }

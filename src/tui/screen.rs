@@ -162,7 +162,7 @@ impl Screen {
         self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }
 
-    /// Shows what there is to say in the line over the map, for a while.
+    /// Shows the line over the map for a while.
     pub fn show_banner(&mut self) {
         self.banner = Some(Instant::now());
     }

@@ -194,6 +194,11 @@ impl Spec {
         self.achieved.len()
     }
 
+    /// Returns whether states have components that are not part of the goal.
+    pub fn has_more_than_goals(&self) -> bool {
+        self.state_dim() > self.goal_dim()
+    }
+
     /// Scales `value` of state component `i` to [-1, 1], or at most [`MOST_HALF_RANGES`] either way
     /// where it is outside of its range; returns 0 for a constant component.
     pub fn scaled(&self, i: usize, value: f32) -> f32 {
@@ -287,6 +292,12 @@ pub trait Environment: Any + Send + Sync {
     /// Takes the job that says when training is to stop: a world that keeps its caller waiting then
     /// gives up soon, with [`EnvError::Stopped`]. The default never does.
     fn share_job(&mut self, _job: &Job) {}
+
+    /// Takes scales from recorded `walks`, `(steps, state_dim)` each, of a world that knew them only
+    /// by a first look; returns whether they have changed, which they never have by default.
+    fn rescale(&mut self, _walks: &[&[f32]]) -> bool {
+        false
+    }
 
     /// Returns an agent's full state: for every agent the same number of components, at least one.
     /// The default is its state. A world overrides both this and [`Self::set_full_state`], or

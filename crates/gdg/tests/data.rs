@@ -50,7 +50,7 @@ fn read(file: &Path) -> Result<Dataset, impl std::error::Error> {
 
 fn learner(file: &Path, settings: Settings, seed: u64) -> Trainer {
     let mut trainer = trainer("gdg-bridge", settings, seed);
-    trainer.learn_from(&read(file).unwrap(), &Job::default());
+    trainer.learn_from(&read(file).unwrap(), &Job::default()).unwrap();
     trainer
 }
 
@@ -280,7 +280,10 @@ fn what_a_map_does_not_allow_is_left_out_and_never_a_goal() {
         arrays[0].1 = Tensor::from_slice(&far, (4, 2), &Device::Cpu).unwrap();
     });
     let (mut trainer, data) = (trainer("gdg-bridge", settings(), 0), read(&file).unwrap());
-    assert_eq!(trainer.learn_from(&data, &Job::default()), LeftOut { impossible: 1, by_chance: 0 });
+    assert_eq!(
+        trainer.learn_from(&data, &Job::default()).unwrap(),
+        LeftOut { impossible: 1, by_chance: 0 }
+    );
     let mut states = Vec::new();
     trainer.replay().visit_rows(|state, _, _| states.extend_from_slice(state));
     assert_eq!(states, [0.5, 0.5, 1.5, 0.5]);

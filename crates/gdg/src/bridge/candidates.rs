@@ -31,11 +31,11 @@ pub(crate) const NEWCOMER_FACTOR: f32 = 1.5;
 /// evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
 
-/// A path is a detour round a wall if it takes more than this multiple of the straight line's steps
-/// ...
+/// A path is a detour round a wall if it takes more than this multiple of the straight line's steps,
+/// plus [`DETOUR_SLACK_STEPS`].
 pub(crate) const DETOUR_FACTOR: f32 = 2.0;
 
-/// ... plus this many steps.
+/// Steps that a path may take beside the multiple before it is a detour.
 pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 
 /// Candidates spread over all visited states, and the fewest steps of any trajectory from near one

@@ -21,10 +21,10 @@ pub(crate) const MAX_STRIKES: u32 = 2;
 /// Consecutive late targets after which bans grow by another [`BAN_STEPS`].
 pub(crate) const BAN_STRIKES: u32 = 4;
 
-/// Candidates around an agent for which D is asked when it chooses a waypoint: the nearest ones ...
+/// Nearest candidates for which an agent that chooses a waypoint computes D.
 pub(crate) const NEAREST_CANDIDATES: usize = 3;
 
-/// ... and those with the shortest ways to the goal.
+/// Candidates with the shortest ways to the goal for which it computes D, too.
 pub(crate) const PROMISING_CANDIDATES: usize = 8;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,16 +4,16 @@ use crate::env::Spec;
 use crate::settings::Preset::{Paper, Sb3, Tuned};
 use crate::settings::{Auto, Values, settings, without};
 
-/// Automatic share of excursions while there is anything left to try ...
+/// Automatic share of excursions while there is anything left to try.
 pub(crate) const FRONTIER_SHARE: f32 = 0.5;
 
-/// ... and afterwards, as a door may open at any time.
+/// Automatic share of excursions afterwards, as a door may open at any time.
 pub(crate) const EXPLORED_SHARE: f32 = 0.05;
 
-/// Maximum number of candidates, in target numbers, where trajectories verify edges ...
+/// Maximum number of candidates, in target numbers, where trajectories verify edges.
 pub(crate) const MAX_FACTOR: usize = 8;
 
-/// ... and where any two close ones are joined by an edge.
+/// The same where any two close candidates are joined by an edge.
 pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
 /// Maximum number of edges from a candidate where trajectories verify them, the nearest ones.
@@ -30,13 +30,13 @@ pub(super) const LATE_SLACK_STEPS: f32 = 6.0;
 pub(super) const BAN_STEPS: u32 = 60;
 
 /// The automatic overhead of a waypoint is the steps that a goal radius takes, as D to it ends there,
-/// less this, as paths between candidates begin and end near them, ...
+/// less this, as paths between candidates begin and end near them.
 const HOP_SAVED_STEPS: f32 = 0.6;
 
-/// ... at least this, ...
+/// Least automatic overhead of a waypoint.
 const LEAST_HOP_STEPS: f32 = 0.4;
 
-/// ... and at most this share of the longest edge.
+/// Largest automatic overhead of a waypoint, as a share of the longest edge.
 const MOST_HOP_SHARE: f32 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -294,7 +294,7 @@ impl TrainingThread {
         {
             let data = Dataset::reread(data, registry.data(), trainer.world(), &progress)?;
             progress.begin(2, START_STAGES);
-            trainer.learn_from(&data, &progress);
+            trainer.learn_from(&data, &progress)?;
         }
         progress.begin(3, START_STAGES);
         self.switch_to(trainer)?;

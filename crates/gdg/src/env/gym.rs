@@ -36,8 +36,8 @@ pub const KIND: WorldKind = WorldKind {
     create: None,
     open: Some(|argument, options| {
         let address = argument.parse().map_err(|why| failed(argument, why, Vec::new()))?;
-        let pool = Pool::open(address, options, None)?;
-        Ok(Box::new(Gym::without_agents(Arc::new(pool), true)))
+        let (pool, found) = Pool::open(address, options, None)?;
+        Ok(Box::new(Gym::without_agents(Arc::new(pool), Arc::new(found), true)))
     }),
     load: |store, options| Ok(Box::new(Gym::load(store, options)?)),
     // Steps are slow, so each is worth an update, as of the arm.
@@ -93,6 +93,7 @@ impl Episode {
 /// Agents in environments of Gymnasium.
 pub struct Gym {
     pool: Arc<Pool>,
+    found: Arc<EnvFacts>,
     noise: f32,
     /// Workers, and the agents in the environments of each.
     workers: Mutex<Vec<(GymWorker, Range<usize>)>>,
@@ -112,17 +113,18 @@ impl Gym {
     fn load(store: &Store, options: &GymOptions) -> Result<Self, EnvError> {
         let Stored { address, found, about } = store.json(STORED)?;
         let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
-        let pool = if options.reads_only {
+        let (pool, found) = if options.reads_only {
             Pool::only_read(address, options, about, found)?
         } else {
             Pool::open(address, options, Some((found, about)))?
         };
-        Ok(Self::without_agents(Arc::new(pool), !options.reads_only))
+        Ok(Self::without_agents(Arc::new(pool), Arc::new(found), !options.reads_only))
     }
 
-    fn without_agents(pool: Arc<Pool>, is_open: bool) -> Self {
+    fn without_agents(pool: Arc<Pool>, found: Arc<EnvFacts>, is_open: bool) -> Self {
         Self {
             pool,
+            found,
             noise: 0.0,
             workers: Mutex::default(),
             states: Vec::new(),
@@ -136,7 +138,7 @@ impl Gym {
 
     /// Returns this world with agents that have not begun yet, in these workers.
     fn with_agents(&self, workers: Vec<(GymWorker, Range<usize>)>, agents: usize) -> Self {
-        let mut world = Self::without_agents(self.pool.clone(), self.is_open);
+        let mut world = Self::without_agents(self.pool.clone(), self.found.clone(), self.is_open);
         world.noise = self.noise;
         *world.workers.get_mut() = workers;
         world.states = vec![0.0; agents * self.spec().state_dim()];
@@ -147,12 +149,12 @@ impl Gym {
 
     /// Returns the walls of its maze, if it has one.
     fn maze(&self) -> Option<&Walls> {
-        self.pool.found.maze_of(&self.pool.about)
+        self.found.maze_of(&self.pool.about)
     }
 
     /// Returns the components of a row that form the state.
     fn state<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
-        self.pool.found.columns.iter().map(|column| row[*column])
+        self.found.columns.iter().map(|column| row[*column])
     }
 
     /// Begins an episode of `agent`; returns its goal.
@@ -167,7 +169,7 @@ impl Gym {
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
         self.set_state(agent, &self.state_in(&row)?);
-        Ok(self.pool.found.goal_columns.iter().map(|column| goal[*column]).collect())
+        Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
     }
 
     /// Returns the state in what an environment has returned, unless that achieves something else
@@ -175,7 +177,7 @@ impl Gym {
     fn state_in(&self, row: &[f32]) -> Result<Vec<f32>, EnvError> {
         let state: Vec<f32> = self.state(row).collect();
         let beside = &row[self.pool.about.observed..];
-        let mut achieved = self.pool.found.spec.achieved.iter().zip(beside);
+        let mut achieved = self.found.spec.achieved.iter().zip(beside);
         if let Some((column, _)) = achieved.find(|(column, own)| state[**column] != **own) {
             let problem = format!(
                 "component {column} of its observation was what is achieved, and is not any more"
@@ -238,7 +240,7 @@ impl Gym {
 
     /// Returns the state of `agent`.
     fn state_of(&self, agent: usize) -> Vec<f64> {
-        let s = self.pool.found.spec.state_dim();
+        let s = self.found.spec.state_dim();
         self.states[agent * s..(agent + 1) * s].iter().map(|v| f64::from(*v)).collect()
     }
 }
@@ -249,7 +251,11 @@ impl Environment for Gym {
     }
 
     fn spec(&self) -> &Spec {
-        &self.pool.found.spec
+        &self.found.spec
+    }
+
+    fn rescale(&mut self, walks: &[&[f32]]) -> bool {
+        Arc::make_mut(&mut self.found).rescale(walks)
     }
 
     fn states(&self) -> &[f32] {
@@ -265,7 +271,7 @@ impl Environment for Gym {
 
     /// Draws one of the goals that the environment itself has asked for.
     fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        let goals = &self.pool.found.goals;
+        let goals = &self.found.goals;
         let at = goal.len() * rng.random_range(0..goals.len() / goal.len());
         goal.copy_from_slice(&goals[at..at + goal.len()]);
     }

@@ -165,6 +165,13 @@ impl Dataset {
         &self.states
     }
 
+    /// Returns the states of each episode, `(steps, state_dim)`.
+    pub(super) fn walks(&self) -> impl Iterator<Item = &[f32]> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        let width = self.sizes.state;
+        starts.zip(&self.ends).map(move |(start, end)| &self.states[start * width..end * width])
+    }
+
     pub fn state(&self, row: usize) -> &[f32] {
         &self.states[row * self.sizes.state..(row + 1) * self.sizes.state]
     }

@@ -17,10 +17,10 @@ const LEAP_STEPS: f32 = 8.0;
 /// Most leaps remembered: the latest ones.
 const MOST_LEAPS: usize = 1024;
 
-/// A leap counts from this many leaps from the same place on ...
+/// A leap counts once this many leaps from the same place are known.
 const SURE_COUNT: usize = 16;
 
-/// ... of which at least this share has led to the same place.
+/// Least share of the leaps from a place that must have led to the same one.
 const SURE_SHARE: f32 = 0.9;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -18,10 +18,10 @@ use crate::env::{EnvError, EnvSettings, Environment, Goals, MAX_MAGNITUDE, Resta
 use crate::learn::{Acting, Replay, Scratch};
 use crate::store::{Store, StoreError};
 
-/// An agent gives up on a goal after this multiple of D to it ...
+/// An agent gives up on a goal after this multiple of D to it, plus [`GIVE_UP_SLACK_STEPS`].
 const GIVE_UP_FACTOR: f32 = 3.0;
 
-/// ... plus this many steps.
+/// Steps that an agent has for a goal beside the multiple of D.
 const GIVE_UP_SLACK_STEPS: f32 = 50.0;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

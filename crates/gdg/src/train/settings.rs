@@ -61,10 +61,10 @@ pub enum UpdateWhen {
 
 const MAX_EPISODE_STEPS: u32 = 60_000;
 
-/// Automatic episodes are at least this long, in steps ...
+/// Least length of automatic episodes, in steps.
 pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
 
-/// ... and this many times the longest distance in the bridge graph.
+/// Least length of automatic episodes, as a multiple of the longest distance in the bridge graph.
 pub(crate) const EPISODE_FACTOR: f32 = 3.0;
 
 /// Mean number of steps for which a random direction is held.

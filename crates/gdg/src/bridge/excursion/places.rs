@@ -10,10 +10,10 @@ use crate::env::Spec;
 use crate::learn::axis_actions;
 use crate::store::StoreError;
 
-/// Failed attempts in a row after which an action counts as blocked ...
+/// Failed attempts in a row after which an action counts as blocked, at first.
 pub(crate) const MIN_ATTEMPTS: u16 = 2;
 
-/// ... raised step by step to this many when no action is left to try.
+/// The same at last: it is raised step by step when no action is left to try.
 pub(crate) const MAX_ATTEMPTS: u16 = 8;
 
 /// Distances to the frontier are computed after this many arrivals, or as many as there are places.

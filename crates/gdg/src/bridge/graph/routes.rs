@@ -28,10 +28,10 @@ const DISTANCE_BATCH: usize = 64;
 /// A distance has changed if D is longer or shorter than its bound by more than this factor.
 pub(crate) const CHANGED_MARGIN: f32 = 1.15;
 
-/// Lower bound on a distance that has grown, as a multiple of the graph's distance ...
+/// Lower bound on a distance that has grown, as a multiple of the graph's distance.
 pub(crate) const GROWN_FACTOR: f32 = 0.85;
 
-/// ... less this many steps.
+/// Steps that are subtracted from this bound.
 pub(crate) const GROWN_SLACK_STEPS: f32 = 2.0;
 
 /// A distance has shrunk only if D exceeds the graph's, by that factor and by this many steps.

@@ -52,7 +52,7 @@ impl Recorded for Gym {
 
     fn interface(&self) -> Option<Value> {
         let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
-        let found = &self.pool.found;
+        let found = &self.found;
         let [observed, achieved, goal] = found.sizes;
         Some(json!({
             "id": id,
@@ -72,8 +72,9 @@ impl Recorded for Gym {
     }
 
     fn save(&self, store: &mut Store) {
-        let Pool { address, found, about, .. } = &*self.pool;
-        let (address, found, about) = (address.clone(), found.clone(), about.clone());
+        let Pool { address, about, .. } = &*self.pool;
+        let (address, about) = (address.clone(), about.clone());
+        let found = (*self.found).clone();
         // All its numbers are finite, so this cannot fail.
         let _ = store.put_json(STORED, &Stored { address, found, about });
     }

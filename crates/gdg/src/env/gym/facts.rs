@@ -40,6 +40,9 @@ const LEAST_RANGE: f32 = 0.1;
 const LEAST_CHANGE: f32 = 0.01;
 const LEAST_CHANGE_RADII: f32 = 0.05;
 
+/// Scales of a first look stand up to this multiple of them.
+const OUTGROWN: f32 = 2.0;
+
 /// Networks read grids of goal spaces of at most three dimensions that are at least this many goal
 /// radii across: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
@@ -66,6 +69,46 @@ impl EnvFacts {
     /// Returns the walls of the maze, if there is one and goals are positions in it.
     pub fn maze_of<'a>(&self, about: &'a EnvDescription) -> Option<&'a Walls> {
         about.maze.as_ref().filter(|_| self.goal_columns.starts_with(&[0, 1]))
+    }
+
+    /// Takes the ranges and typical changes of states from `walks`, `(steps, state_dim)` each, where
+    /// they are more than [`OUTGROWN`] times those of the first look; returns whether any is. What
+    /// only deliberate actions move hardly moves in a first look: an object that has to be pushed, a
+    /// key that is found once in many episodes. The range of goals is known.
+    pub fn rescale(&mut self, walks: &[&[f32]]) -> bool {
+        let (s, spec) = (self.spec.state_dim(), &mut self.spec);
+        let mut has_changed = false;
+        for i in 0..s {
+            let column = |walk: &[f32]| walk.iter().skip(i).step_by(s).copied().collect::<Vec<_>>();
+            let numbers: Vec<f32> = walks.iter().flat_map(|walk| column(walk)).collect();
+            // A component that seldom changes has no range but the whole one.
+            let ranges = [TAIL, 0.0].map(|tail| share(numbers.clone(), tail));
+            let range = ranges.into_iter().find(|[low, high]| high > low).unwrap_or_default();
+            let [centre, half] =
+                [0.5 * (range[0] + range[1]), 0.5 * MARGIN * (range[1] - range[0])];
+            let is_constant = half <= CONSTANT * centre.abs().max(1.0);
+            if !spec.achieved.contains(&i)
+                && !is_constant
+                && half > OUTGROWN * spec.state_half_range[i]
+            {
+                (spec.state_centre[i], spec.state_half_range[i]) = (centre, half);
+                has_changed = true;
+            }
+            // The mean change, weighted by itself: steps in which it rests do not count.
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for walk in walks {
+                for pair in column(walk).windows(2) {
+                    let change = f64::from((pair[1] - pair[0]).abs());
+                    (sum, squares) = (sum + change, squares + change * change);
+                }
+            }
+            let change = if sum > 0.0 { (squares / sum) as f32 } else { 0.0 };
+            if spec.state_half_range[i] > 0.0 && change > OUTGROWN * spec.change_scale[i] {
+                spec.change_scale[i] = change;
+                has_changed = true;
+            }
+        }
+        has_changed
     }
 
     /// Checks what a checkpoint has kept.
@@ -378,6 +421,34 @@ mod tests {
         let utm = Spec { goal_radius: 0.1, ..positions(&[(5e5, 100.0), (5.4e6, 100.0)]) };
         assert!(too_fine(&utm).is_some_and(|why| why.contains("subtract an origin")));
         assert_eq!(too_fine(&Spec { goal_radius: 20.0, ..utm }), None);
+    }
+
+    #[test]
+    fn recorded_walks_give_the_scales_of_what_a_first_look_hardly_moves() {
+        let (seen, about) = (seen(), description(4, 2, 2));
+        let columns = columns(&seen, &about, None).expect("columns");
+        let mut found = scales(&seen, &about, columns, 2.0);
+        let first = found.clone();
+        // Walks like those of the first look change nothing.
+        let row = |i: u16| [0.5, f32::from(i), 3.0 * f32::from(i), 7.0, -f32::from(i)];
+        let walk: Vec<f32> = (0..101).flat_map(row).collect();
+        assert!(!found.rescale(&[&walk]));
+        assert_eq!(found, first);
+        // In one step of a hundred, a constant turns to 1 and what is achieved moves by 40, which
+        // does not widen the range of goals.
+        let key = |i: u16| {
+            let on = f32::from(u8::from(i > 50));
+            [0.5, f32::from(i), 120.0, 7.0 + on, -40.0 * on]
+        };
+        let walk: Vec<f32> = (0..101).flat_map(key).collect();
+        assert!(found.rescale(&[&walk, &walk]));
+        let Spec { state_centre, state_half_range, change_scale, .. } = &found.spec;
+        assert_eq!(
+            (state_centre[3], state_half_range[3], change_scale[3]),
+            (7.5, MARGIN * 0.5, 1.0)
+        );
+        assert_eq!((state_half_range[4], change_scale[4]), (first.spec.state_half_range[4], 40.0));
+        assert_eq!(change_scale[1], first.spec.change_scale[1]);
     }
 
     #[test]

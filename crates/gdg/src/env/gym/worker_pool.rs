@@ -118,8 +118,6 @@ pub struct Pool {
     pub options: GymOptions,
     /// What its workers say of it.
     pub about: EnvDescription,
-    /// What has been found out.
-    pub found: EnvFacts,
     /// Says when training is to stop.
     pub job: Arc<Mutex<Job>>,
     /// What its users should know and have not been told yet.
@@ -130,12 +128,13 @@ pub struct Pool {
 }
 
 impl Pool {
-    /// Opens an environment. What the learner needs is found out unless a checkpoint has `kept` it.
+    /// Opens an environment. What the learner needs is found out unless a checkpoint has `kept` it;
+    /// it is returned beside it.
     pub fn open(
         address: Address,
         options: &GymOptions,
         kept: Option<(EnvFacts, EnvDescription)>,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<(Self, EnvFacts), EnvError> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
         let (found, warnings) = match kept {
@@ -146,11 +145,11 @@ impl Pool {
                 (facts::find(&mut worker, &about, goal, radius)?, warnings)
             }
         };
-        let mut pool = Self::unopened(address, options, about, found)?;
+        let (mut pool, found) = Self::unopened(address, options, about, found)?;
         pool.job = job;
         pool.idle.lock().push(worker);
         warnings.iter().for_each(|warning| pool.warn(warning));
-        Ok(pool)
+        Ok((pool, found))
     }
 
     /// Returns what a checkpoint knows of an environment, which is not opened.
@@ -159,7 +158,7 @@ impl Pool {
         options: &GymOptions,
         about: EnvDescription,
         found: EnvFacts,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<(Self, EnvFacts), EnvError> {
         if !about.is_sound() {
             let problem = "what it stores of its environment makes no sense";
             return Err(StoreError::inconsistent(problem).into());
@@ -172,18 +171,18 @@ impl Pool {
         options: &GymOptions,
         about: EnvDescription,
         found: EnvFacts,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<(Self, EnvFacts), EnvError> {
         found.check(&about)?;
-        Ok(Self {
+        let pool = Self {
             address,
             options: options.clone(),
             about,
-            found,
             job: Arc::default(),
             warnings: Mutex::default(),
             said: AtomicBool::new(false),
             idle: Mutex::default(),
-        })
+        };
+        Ok((pool, found))
     }
 
     /// Keeps a warning until it is shown.

@@ -13,10 +13,10 @@ use crate::map::{Cell, Diameter, Grid, Ogbench, PointSearch, ScenarioTask, UNREA
 /// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
 
-/// The farthest of these distances, as a share of the map's diameter ...
+/// The farthest of these distances, as a share of the map's diameter.
 const MAX_DISTANCE_SHARE: f64 = 0.9;
 
-/// ... and at most this, in steps: the budget of farther tasks would be too small.
+/// The largest of these distances, in steps: the budget of farther tasks would be too small.
 const MAX_DISTANCE_STEPS: u32 = MAX_BUDGET_STEPS / BUDGET_FACTOR;
 
 /// Goals tried per task before giving up on its distance.

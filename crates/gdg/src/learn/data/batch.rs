@@ -24,11 +24,11 @@ pub(crate) const RELEARN_N_STEP: usize = 20;
 /// Share of the dynamics model's transitions that are recent while distances are relearned.
 pub(crate) const RELEARN_RECENT: f32 = 0.5;
 
-/// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance ...
+/// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance.
 pub(crate) const GRAPH_LOWER_FACTOR: f32 = 0.6;
 
-/// ... less this many steps: while few paths are known, those through the graph make long detours
-/// between near places.
+/// Steps that are subtracted from this bound: while few paths are known, those through the graph
+/// make long detours between near places.
 pub(crate) const GRAPH_LOWER_SLACK_STEPS: f32 = 6.0;
 
 /// Bound of the actor's outputs before tanh where its action makes less progress than
@@ -41,13 +41,19 @@ pub(crate) const STUCK_BOUND: f32 = 1.0;
 pub(crate) const STUCK_PROGRESS_STEPS: f32 = 0.2;
 
 /// While distances are relearned, a lower bound raises a target to at most this multiple of what it
-/// would be without ...
+/// would be without.
 pub(crate) const RAISE_FACTOR: f32 = 2.0;
 
-/// ... and this many steps more. The way round a new wall can be many times as long as the one
-/// through it: the error of such a pair would outweigh all others in the batch, and raise D of pairs
-/// with the same offset that are far away from the wall.
+/// Steps by which it may exceed that multiple. The way round a new wall can be many times as long
+/// as the one through it: the error of such a pair would outweigh all others in the batch, and
+/// raise D of pairs with the same offset that are far away from the wall.
 pub(crate) const RAISE_STEPS: f32 = 4.0;
+
+/// Most pairs drawn in place of one in which what is achieved does not move.
+const MOST_REDRAWS: usize = 16;
+
+/// What is achieved moves if it changes by more than this share of a typical change.
+const LEAST_MOVE: f32 = 0.1;
 
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
@@ -179,8 +185,23 @@ impl BatchSampler {
             if doubt_all { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
         let recent_rows = (RELEARN_RECENT * self.settings.batch_size as f32) as usize;
         for row in 0..self.settings.batch_size {
-            let (moment, left) = replay.sample(rng);
-            let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
+            let (mut moment, mut left) = replay.sample(rng);
+            let mut bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
+            let g = self.spec.goal_dim();
+            // Where what is achieved seldom moves, it is still at most hindsight goals, which teach
+            // nothing: another pair.
+            for _ in 0..if self.spec.has_more_than_goals() { MOST_REDRAWS } else { 0 } {
+                let goal = &batch.goals[batch.goals.len() - g..];
+                if bound.is_infinite() || self.is_away(replay.state(moment), goal) {
+                    break;
+                }
+                (moment, left) = replay.sample(rng);
+                let ahead = self.hindsight_steps(left, rng);
+                batch.goals.truncate(batch.goals.len() - g);
+                batch.goals.extend(self.spec.achieved(replay.state(later(moment, ahead))));
+                bound = ahead as f32;
+            }
+            let ahead = if bound.is_finite() { bound as usize } else { 0 };
             let state = replay.state(moment);
             let goal = &batch.goals[batch.goals.len() - self.spec.goal_dim()..];
             let (steps, reached) = match &self.returns {
@@ -198,6 +219,13 @@ impl BatchSampler {
             let bound = if self.settings.hindsight_bound { bound } else { f32::INFINITY };
             batch.bound.push(bound.min(self.max_distance()));
             batch.lower.push(0.0);
+            // The model sees every second of them where what is achieved changes last before the goal.
+            let moving = (1..=ahead).rev().map(|k| later(moment, k - 1));
+            let moved = (self.spec.has_more_than_goals() && row % 2 == 0).then(|| {
+                let moves = |moment: &StoredStep| self.moves(replay, *moment);
+                if moves(&moment) { None } else { moving.into_iter().find(moves) }
+            });
+            let moment = moved.flatten().unwrap_or(moment);
             let recent = relearning.filter(|_| row < recent_rows);
             let moment =
                 recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);
@@ -214,6 +242,18 @@ impl BatchSampler {
         }
         batch.actor_goals.extend(&batch.goals);
         batch.actor_weights.resize(batch.len(), 1.0);
+    }
+
+    /// Returns whether `state` achieves anything else than `goal`.
+    fn is_away(&self, state: &[f32], goal: &[f32]) -> bool {
+        let least = LEAST_MOVE * self.spec.largest_change();
+        self.spec.achieved(state).zip(goal).any(|(achieved, goal)| (goal - achieved).abs() > least)
+    }
+
+    /// Returns whether the step at `moment` moves what is achieved.
+    fn moves(&self, replay: &Replay, moment: StoredStep) -> bool {
+        let next: Vec<f32> = self.spec.achieved(replay.state(later(moment, 1))).collect();
+        self.is_away(replay.state(moment), &next)
     }
 
     /// Returns the number of pairs of places whose distance is known in a batch (distillation), and
@@ -384,6 +424,28 @@ mod tests {
         bounded.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
         check_known(&sampler, &bounded, &mut rng, &mut batch);
+    }
+
+    /// A hand goes back and forth; only in one step of fifty, it takes what is to be moved along.
+    #[test]
+    fn where_the_goal_seldom_moves_batches_show_pairs_and_steps_in_which_it_does() {
+        let spec = Spec { achieved: vec![1], ..positions(&[(0.0, 10.0), (50.0, 50.0)]) };
+        let sizes = ReplaySizes::of(&spec);
+        let mut replay = Replay::new(sizes, 1, 1001);
+        let state = |i: u16| [f32::from(i % 2), f32::from(i / 50) * 3.0];
+        (0..1000).for_each(|i| replay.push(0, &state(i), &[1.0, 0.0], &[60.0]));
+        replay.end_episode(0, &state(1000));
+        let settings =
+            LearnSettings { batch_size: 256, goal_geometric: 1.0, ..LearnSettings::default() };
+        let sampler = BatchSampler { spec: spec.clone(), settings, returns: None };
+        let mut batch = Batch::default();
+        sampler.sample(&replay, None, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
+        let pairs = batch.states.chunks_exact(2).zip(&batch.goals);
+        let reached = pairs.filter(|(state, goal)| state[1] == **goal).count();
+        assert!(reached < 13, "{reached} of 256 goals are reached at once");
+        let steps = batch.from.chunks_exact(2).zip(batch.next.chunks_exact(2));
+        let moved = steps.filter(|(from, next)| from[1] != next[1]).count();
+        assert!(moved > 50, "the goal moves in {moved} of 256 steps");
     }
 
     /// Adds known distances to a batch of pairs on the line, with and without a limit.

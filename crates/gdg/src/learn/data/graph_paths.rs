@@ -32,13 +32,13 @@ const LEAST_BOUND_STEPS: f32 = 20.0;
 /// Candidates around s of which one is chosen as the beginning of the path.
 const FIRST_PLACES: usize = 4;
 
-/// The actor is led along paths that begin at most this far from s, by D', ...
+/// The actor is led only along paths that begin at most this far from s, by D'.
 const MAX_STEPS_BEFORE: f32 = 5.0;
 
-/// ... and end at most this far from g, ...
+/// Such a path ends at most this far from g, or at most [`MAX_SHARE_AFTER`] of its length.
 const MAX_STEPS_AFTER: f32 = 3.0;
 
-/// ... or at most this share of their length.
+/// The distance of a path's end from g, as a share of its length, at most.
 const MAX_SHARE_AFTER: f32 = 0.3;
 
 /// A path through the graph for one pair of the batch.

@@ -56,10 +56,10 @@ pub const LEAST_LED_STEPS: f32 = 10.0;
 /// Length of an imagined walk, in steps.
 const WALK_STEPS: usize = 30;
 
-/// A walk rests if a step changes every component by at most this share of its change scale ...
+/// A walk rests if a step changes every component by at most this share of its change scale.
 const REST_CHANGE: f32 = 0.1;
 
-/// ... at least this far from its goal, in steps.
+/// A walk that rests counts only this far from its goal or farther, in steps.
 const LEAST_LEFT_STEPS: f32 = 5.0;
 
 /// Imagines the actor's walks from the last pairs of `batch`, and moves the pairs whose walks come to

@@ -107,12 +107,12 @@ pub fn find_corners(set: usize, shapes: &Shapes, batch: &Batch, touched: &mut To
     });
 }
 
-/// A model mispredicts a step if its squared error, with each component in units of its change
-/// scale, exceeds this ...
+/// A model mispredicts a step only if its squared error, with each component in units of its change
+/// scale, exceeds this.
 const MISPREDICTED_ERROR: f32 = 0.01;
 
-/// ... and this multiple of the mean over the part of the batch: where steps are random, or nothing
-/// has been learned yet, all are off.
+/// The error must also exceed this multiple of the mean over the part of the batch: where steps are
+/// random, or nothing has been learned yet, all are off.
 const MISPREDICTED_FACTOR: f32 = 3.0;
 
 /// Returns the rows of a part whose pair begins with a step that the model mispredicts: of squared

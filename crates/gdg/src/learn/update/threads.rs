@@ -66,10 +66,10 @@ const TRIAL: Duration = Duration::from_millis(20);
 const GAIN: f64 = 0.97;
 
 /// A trial without success is followed by a pause of this many times what it has cost, so that
-/// trials cost at most 1/40 of the time ...
+/// trials cost at most 1/40 of the time.
 const PAUSE_PER_LOSS: f64 = 40.0;
 
-/// ... and at least this long.
+/// The shortest pause after a trial without success.
 const MIN_PAUSE: Duration = Duration::from_millis(50);
 
 /// Time after which another number is tried though nothing has changed.

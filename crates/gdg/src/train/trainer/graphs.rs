@@ -23,10 +23,10 @@ use crate::train::settings::Settings;
 /// have a waypoint for the actor. (With 32, 4 to 33 % of them had one on a map of 48,000 cells.)
 pub(crate) const DISTILLED_GOALS: usize = 256;
 
-/// Number of pairs of candidates of which a build finds out whether their distance has changed, ...
+/// Pairs of candidates whose distances a build checks for changes.
 pub(crate) const CHECKED_PAIRS: usize = 300_000;
 
-/// ... to at least as many goals as this.
+/// Least number of goals among the pairs that a build checks.
 pub(crate) const MIN_CHECKED_GOALS: usize = 32;
 
 /// A build takes effect after the interval between builds divided by this.

@@ -41,7 +41,16 @@ impl Trainer {
     /// Learns from `data` instead of acting: its transitions fill the replay buffer, and its states
     /// are goals and bridge candidates. Call it before the first update. Returns how many
     /// transitions are left out, and says how far it is, as one stage of `progress`.
-    pub fn learn_from(&mut self, data: &Dataset, progress: &Job) -> LeftOut {
+    ///
+    /// # Errors
+    /// The world cannot be copied, or the learner refuses the scales that the data have.
+    pub fn learn_from(&mut self, data: &Dataset, progress: &Job) -> Result<LeftOut> {
+        let mut world = self.world().fork(0)?;
+        if world.rescale(&data.walks().collect::<Vec<_>>()) {
+            let (run, registry, job) = (self.run.clone(), self.registry.clone(), self.job.clone());
+            *self = Self::new(run, &*world, &registry, self.threads)?;
+            self.set_job(job);
+        }
         self.replay = self.replay_of(data);
         let editable = self.rollout.env().abilities().editable;
         let possible = |s: &[f32], a: &[f32], next: &[f32]| {
@@ -59,7 +68,7 @@ impl Trainer {
         let own_replay = (removed > 0).then(|| self.replay.capacity());
         let facts = data.facts;
         self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
-        LeftOut { impossible, by_chance }
+        Ok(LeftOut { impossible, by_chance })
     }
 
     /// Leaves out leaps that chance may have decided; returns how many.
