@@ -12,6 +12,7 @@ use crate::host::setup::Setup;
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;
+use gdg::text::counted;
 use gdg::train::{Evaluation, Trainer};
 
 /// Columns of every line.
@@ -67,8 +68,10 @@ fn head() -> String {
 /// The table, while it is written.
 pub struct MetricsTable {
     path: PathBuf,
-    /// `None` once writing has failed.
-    file: Option<File>,
+    file: File,
+    /// Rows that could not be written yet, as on a full disk, and where they belong.
+    waiting: String,
+    end: u64,
 }
 
 impl MetricsTable {
@@ -96,19 +99,43 @@ impl MetricsTable {
             let written = writeln!(file, "{}", head()).into_diagnostic();
             written.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
         }
-        Ok(Self { path: path.to_owned(), file: Some(file) })
+        let end = file.stream_position().into_diagnostic()?;
+        Ok(Self { path: path.to_owned(), file, waiting: String::new(), end })
     }
 
-    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no
-    /// longer be written, reports that once; training continues.
+    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file cannot be
+    /// written, reports that; training continues, and the line is tried again with the next one.
     pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
-        let Some(file) = &mut self.file else { return };
-        if let Err(error) = file.write_all(row(trainer, evaluation).as_bytes()) {
-            eprint_line(&format!(
-                "{}: cannot be written, so the table ends here: {error}",
-                self.path.display()
-            ));
-            self.file = None;
+        self.write(&row(trainer, evaluation));
+    }
+
+    fn write(&mut self, row: &str) {
+        let is_first = self.waiting.is_empty();
+        self.waiting += row;
+        // A failure may have left a part of a line.
+        let at_end = self.file.seek(SeekFrom::Start(self.end));
+        match at_end.and_then(|_| self.file.write_all(self.waiting.as_bytes())) {
+            Ok(()) => {
+                self.end += self.waiting.len() as u64;
+                self.waiting.clear();
+            }
+            Err(error) => {
+                let _ = self.file.set_len(self.end);
+                if is_first {
+                    let path = self.path.display();
+                    eprint_line(&format!("{path}: cannot be written: {error}; tried again later"));
+                }
+            }
+        }
+    }
+}
+
+impl Drop for MetricsTable {
+    /// Says what it lacks at the end.
+    fn drop(&mut self) {
+        if !self.waiting.is_empty() {
+            let rows = counted(self.waiting.lines().count() as u64, "row");
+            eprint_line(&format!("{}: the last {rows} could not be written", self.path.display()));
         }
     }
 }
@@ -189,4 +216,25 @@ fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
     }
     let is_later = kept == first.len() && kept < table.len();
     if is_later { Err("all of its rows are later".to_owned()) } else { Ok(kept) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_could_not_be_written_come_with_the_next_one() {
+        let path = tempfile::NamedTempFile::new().expect("a file").into_temp_path();
+        std::fs::write(&path, "head\n1\n").expect("written");
+        let file = || File::options().write(true).open(&path).expect("a file");
+        let read_only = File::open(&path).expect("a file");
+        let (path, waiting) = (path.to_path_buf(), String::new());
+        let mut table = MetricsTable { path, file: read_only, waiting, end: 7 };
+        table.write("2\n");
+        table.file = file();
+        table.write("3\n");
+        table.write("4\n");
+        let found = std::fs::read_to_string(&table.path).expect("a table");
+        assert_eq!((&*found, &*table.waiting), ("head\n1\n2\n3\n4\n", ""));
+    }
 }

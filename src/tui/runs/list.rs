@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Wish;
-use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, name};
+use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
 use gdg::files;
 use gdg::text::{counted, sanitized};
 
@@ -210,11 +210,20 @@ impl List {
     }
 }
 
+/// Whether the checkpoint that the records of a run name is another run's.
+fn is_replaced(run: &SavedRun, checkpoint: &Path) -> bool {
+    let found = || file(checkpoint).ok()?.pop();
+    run.kind == RunKind::Records && found().is_some_and(|found| !found.is_same(run))
+}
+
 fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> {
     let checkpoint = |run: &SavedRun| match &run.checkpoint {
-        Some(path) if path.is_file() => Ok(path.clone()),
+        Some(path) if path.is_file() && !is_replaced(run, path) => Ok(path.clone()),
         found => {
             let why = match found {
+                Some(path) if path.is_file() => {
+                    format!("another run has replaced {}", path.display())
+                }
                 Some(path) => format!("{} is gone", path.display()),
                 None if run.is_damaged() => "it cannot be read".to_owned(),
                 None => "it has no checkpoint".to_owned(),

@@ -151,8 +151,8 @@ impl Gym {
     }
 
     /// Returns the components of a row that form the state.
-    fn state<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
-        self.pool.found.columns.iter().map(|column| row[*column])
+    fn state(&self, row: &[f32]) -> Vec<f32> {
+        self.pool.found.columns.iter().map(|column| row[*column]).collect()
     }
 
     /// Begins an episode of `agent`; returns its goal.
@@ -166,23 +166,8 @@ impl Gym {
         episode.add(&row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
-        self.set_state(agent, &self.state_in(&row)?);
+        self.set_state(agent, &self.state(&row));
         Ok(self.pool.found.goal_columns.iter().map(|column| goal[*column]).collect())
-    }
-
-    /// Returns the state in what an environment has returned, unless that achieves something else
-    /// than the components of its observation that were the same before.
-    fn state_in(&self, row: &[f32]) -> Result<Vec<f32>, EnvError> {
-        let state: Vec<f32> = self.state(row).collect();
-        let beside = &row[self.pool.about.observed..];
-        let mut achieved = self.pool.found.spec.achieved.iter().zip(beside);
-        if let Some((column, _)) = achieved.find(|(column, own)| state[**column] != **own) {
-            let problem = format!(
-                "component {column} of its observation was what is achieved, and is not any more"
-            );
-            return Err(failed(&self.pool.address.id, problem, Vec::new()));
-        }
-        Ok(state)
     }
 
     fn set_state(&mut self, agent: usize, state: &[f32]) {
@@ -204,7 +189,7 @@ impl Gym {
             let Some((row, ended)) = stepped.pop() else { continue };
             self.episodes[agent].step(action, &row, ended);
             self.ended[agent] = ended;
-            self.set_state(agent, &self.state_in(&row)?);
+            self.set_state(agent, &self.state(&row));
         }
         Ok(self.episodes[agent].checksum == episode.checksum)
     }
@@ -305,15 +290,11 @@ impl Environment for Gym {
         for (worker, agents) in self.workers.get_mut() {
             all.extend(worker.end_step(&self.pool.about, agents.len())?);
         }
-        // All or none have stepped.
-        let states = all.iter().map(|(row, _)| self.state_in(row));
-        let states = states.collect::<Result<Vec<_>, _>>()?;
-        let steps = actions.chunks_exact(a).zip(all).zip(states).enumerate();
-        for (agent, ((action, (row, ended)), state)) in steps {
+        for (agent, (action, (row, ended))) in actions.chunks_exact(a).zip(all).enumerate() {
             if !self.retired[agent] && !self.ended[agent] {
                 self.episodes[agent].step(action, &row, ended);
                 self.ended[agent] = ended;
-                self.set_state(agent, &state);
+                self.set_state(agent, &self.state(&row));
             }
         }
         Ok(())
