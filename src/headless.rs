@@ -93,13 +93,12 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let (Some(required), Some(found)) = (options.require_success, evaluation) else {
         return Ok(0);
     };
-    match found.success_rate() {
-        Some(rate) if rate >= required => return Ok(0),
-        Some(rate) => {
-            eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
+    // Without a rate, a warning has been printed.
+    if let Some(rate) = found.success_rate() {
+        if rate >= required {
+            return Ok(0);
         }
-        // A warning has been printed.
-        None => {}
+        eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
     }
     Ok(EXIT_NOT_REACHED)
 }
@@ -112,19 +111,15 @@ fn print(record: &Record) -> Result<(), Report> {
 /// Returns an error if nothing reads the records any more. Where they cannot be written, as on a full
 /// disk, that is said once, and training goes on.
 fn printed(written: std::io::Result<()>) -> Result<(), Report> {
-    match written {
-        Err(error) if error.kind() == ErrorKind::BrokenPipe => {
-            let help = "redirect the records to a file, or let their reader go on to the end";
-            Err(miette!(help = help, "training ended: nothing reads standard output any more"))
-        }
-        Err(error) => {
-            if !LOST.swap(true, Ordering::Relaxed) {
-                eprint_line(&format!("standard output: {error}; training goes on"));
-            }
-            Ok(())
-        }
-        Ok(()) => Ok(()),
+    let Err(error) = written else { return Ok(()) };
+    if error.kind() == ErrorKind::BrokenPipe {
+        let help = "redirect the records to a file, or let their reader go on to the end";
+        return Err(miette!(help = help, "training ended: nothing reads standard output any more"));
     }
+    if !LOST.swap(true, Ordering::Relaxed) {
+        eprint_line(&format!("standard output: {error}; training goes on"));
+    }
+    Ok(())
 }
 
 fn report_recovery(recovery: Recovery) -> Result<(), Report> {

@@ -12,7 +12,6 @@ use crate::host::setup::Setup;
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;
-use gdg::text::counted;
 use gdg::train::{Evaluation, Trainer};
 
 /// Columns of every line.
@@ -114,29 +113,17 @@ impl MetricsTable {
         self.waiting += row;
         // A failure may have left a part of a line.
         let at_end = self.file.seek(SeekFrom::Start(self.end));
-        match at_end.and_then(|_| self.file.write_all(self.waiting.as_bytes())) {
-            Ok(()) => {
-                self.end += self.waiting.len() as u64;
-                self.waiting.clear();
+        if let Err(error) = at_end.and_then(|_| self.file.write_all(self.waiting.as_bytes())) {
+            let _ = self.file.set_len(self.end);
+            if is_first {
+                let path = self.path.display();
+                let then = "rows are missing until the next that can be";
+                eprint_line(&format!("{path}: cannot be written, {then}: {error}"));
             }
-            Err(error) => {
-                let _ = self.file.set_len(self.end);
-                if is_first {
-                    let path = self.path.display();
-                    eprint_line(&format!("{path}: cannot be written: {error}; tried again later"));
-                }
-            }
+            return;
         }
-    }
-}
-
-impl Drop for MetricsTable {
-    /// Says what it lacks at the end.
-    fn drop(&mut self) {
-        if !self.waiting.is_empty() {
-            let rows = counted(self.waiting.lines().count() as u64, "row");
-            eprint_line(&format!("{}: the last {rows} could not be written", self.path.display()));
-        }
+        self.end += self.waiting.len() as u64;
+        self.waiting.clear();
     }
 }
 
@@ -226,15 +213,13 @@ mod tests {
     fn rows_that_could_not_be_written_come_with_the_next_one() {
         let path = tempfile::NamedTempFile::new().expect("a file").into_temp_path();
         std::fs::write(&path, "head\n1\n").expect("written");
-        let file = || File::options().write(true).open(&path).expect("a file");
-        let read_only = File::open(&path).expect("a file");
-        let (path, waiting) = (path.to_path_buf(), String::new());
-        let mut table = MetricsTable { path, file: read_only, waiting, end: 7 };
+        let file = File::open(&path).expect("one that cannot be written");
+        let mut table =
+            MetricsTable { path: path.to_path_buf(), file, waiting: String::new(), end: 7 };
         table.write("2\n");
-        table.file = file();
+        table.file = File::options().write(true).open(&path).expect("a file");
         table.write("3\n");
         table.write("4\n");
-        let found = std::fs::read_to_string(&table.path).expect("a table");
-        assert_eq!((&*found, &*table.waiting), ("head\n1\n2\n3\n4\n", ""));
+        assert_eq!(std::fs::read_to_string(&path).expect("a table"), "head\n1\n2\n3\n4\n");
     }
 }

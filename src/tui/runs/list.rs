@@ -210,20 +210,16 @@ impl List {
     }
 }
 
-/// Whether the checkpoint that the records of a run name is another run's.
-fn is_replaced(run: &SavedRun, checkpoint: &Path) -> bool {
-    let found = || file(checkpoint).ok()?.pop();
-    run.kind == RunKind::Records && found().is_some_and(|found| !found.is_same(run))
-}
-
 fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> {
+    // What the records of a run name may have been replaced since.
+    let is_own = |run: &SavedRun, path: &Path| {
+        run.kind != RunKind::Records || file(path).iter().flatten().all(|found| found.is_same(run))
+    };
     let checkpoint = |run: &SavedRun| match &run.checkpoint {
-        Some(path) if path.is_file() && !is_replaced(run, path) => Ok(path.clone()),
+        Some(path) if path.is_file() && is_own(run, path) => Ok(path.clone()),
         found => {
             let why = match found {
-                Some(path) if path.is_file() => {
-                    format!("another run has replaced {}", path.display())
-                }
+                Some(path) if path.is_file() => format!("{} is another run's", path.display()),
                 Some(path) => format!("{} is gone", path.display()),
                 None if run.is_damaged() => "it cannot be read".to_owned(),
                 None => "it has no checkpoint".to_owned(),

@@ -277,8 +277,7 @@ fn has_unsaved_changes(cx: &Cx) -> bool {
     cx.screen.latest.has_unsaved_settings() || cx.scene.has_unsaved_map()
 }
 
-/// Returns whether enough is unsaved to be worth asking about: training, or any change of the map or
-/// of a saved run's settings.
+/// Whether enough is unsaved to ask about it: training, or any change of the map or the settings.
 pub fn is_worth_saving(cx: &Cx) -> bool {
     cx.screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
 }
