@@ -8,6 +8,7 @@ use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic, Report, miette};
@@ -37,6 +38,9 @@ const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
 /// Time between looks for a signal while another thread works.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Whether records could not be written.
+static LOST: AtomicBool = AtomicBool::new(false);
 
 /// Options of a run without the interface, besides what to train.
 #[derive(Clone, Debug)]
@@ -78,44 +82,49 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
         return Err(miette!(help = logging::hint(), "{problem}"));
     }
     print(&Record::end(reason, &run.setup.trainer))?;
-    printing::stdout().flush().map_err(unwritten)?;
+    printed(printing::stdout().flush())?;
     run.progress.finish();
     if let (EndReason::Interrupted, Some(status)) = (reason, run.termination.status()) {
         return Ok(status);
     }
+    if LOST.load(Ordering::Relaxed) {
+        return Err(miette!("standard output: it lacks records, which could not be written"));
+    }
     let (Some(required), Some(found)) = (options.require_success, evaluation) else {
         return Ok(0);
     };
-    match found.success_rate() {
-        Some(rate) if rate >= required => return Ok(0),
-        Some(rate) => {
-            eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
+    // Without a rate, a warning has been printed.
+    if let Some(rate) = found.success_rate() {
+        if rate >= required {
+            return Ok(0);
         }
-        // A warning has been printed.
-        None => {}
+        eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
     }
     Ok(EXIT_NOT_REACHED)
 }
 
 fn print(record: &Record) -> Result<(), Report> {
     let line = escape_json_line(&serde_json::to_string(record).into_diagnostic()?);
-    printing::stdout().print(format!("{line}\n").as_bytes()).map_err(unwritten)
+    printed(printing::stdout().print(format!("{line}\n").as_bytes()))
+}
+
+/// Returns an error if nothing reads the records any more. Where they cannot be written, as on a full
+/// disk, that is said once, and training goes on.
+fn printed(written: std::io::Result<()>) -> Result<(), Report> {
+    let Err(error) = written else { return Ok(()) };
+    if error.kind() == ErrorKind::BrokenPipe {
+        let help = "redirect the records to a file, or let their reader go on to the end";
+        return Err(miette!(help = help, "training ended: nothing reads standard output any more"));
+    }
+    if !LOST.swap(true, Ordering::Relaxed) {
+        eprint_line(&format!("standard output: {error}; training goes on"));
+    }
+    Ok(())
 }
 
 fn report_recovery(recovery: Recovery) -> Result<(), Report> {
     eprint_line(&recovery.to_string());
     print(&Record::Recovery(recovery))
-}
-
-/// Returns the error for records that could not be written.
-fn unwritten(error: std::io::Error) -> Report {
-    match error.kind() {
-        ErrorKind::BrokenPipe => {
-            let help = "redirect the records to a file, or let their reader go on to the end";
-            miette!(help = help, "training ended: nothing reads standard output any more")
-        }
-        _ => Report::msg(error).wrap_err("standard output"),
-    }
 }
 
 struct HeadlessRun<'a> {

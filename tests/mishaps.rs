@@ -908,9 +908,12 @@ fn a_full_standard_error_does_not_change_the_exit_status() {
     let message = String::from_utf8_lossy(&maps.stderr);
     assert!(message.contains("standard output") && message.contains("No space left"), "{message}");
     let args = ["trap", "--max-updates", "30", "--eval-tasks", "1", "--save", "kept.safetensors"];
-    let status =
-        headless(folder.path(), &args).stdout(full()).stderr(Stdio::null()).status().unwrap();
-    assert_eq!(status.code(), Some(1), "records could not be written");
+    let trained = headless(folder.path(), &args).stdout(full()).output().unwrap();
+    assert_eq!(trained.status.code(), Some(1), "records could not be written");
+    let message = String::from_utf8_lossy(&trained.stderr);
+    assert!(message.contains("training goes on"), "{message}");
+    let kept = gdg::train::describe(&folder.path().join("kept.safetensors")).unwrap();
+    assert_eq!(kept.updates, 30, "the whole run");
     assert!(folder.path().join("kept.safetensors").is_file(), "but the run is kept");
     assert!(!folder.path().join("saves").exists(), "once");
 }

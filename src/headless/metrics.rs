@@ -67,8 +67,10 @@ fn head() -> String {
 /// The table, while it is written.
 pub struct MetricsTable {
     path: PathBuf,
-    /// `None` once writing has failed.
-    file: Option<File>,
+    file: File,
+    /// Rows that could not be written yet, as on a full disk, and where they belong.
+    waiting: String,
+    end: u64,
 }
 
 impl MetricsTable {
@@ -96,20 +98,32 @@ impl MetricsTable {
             let written = writeln!(file, "{}", head()).into_diagnostic();
             written.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
         }
-        Ok(Self { path: path.to_owned(), file: Some(file) })
+        let end = file.stream_position().into_diagnostic()?;
+        Ok(Self { path: path.to_owned(), file, waiting: String::new(), end })
     }
 
-    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no
-    /// longer be written, reports that once; training continues.
+    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file cannot be
+    /// written, reports that; training continues, and the line is tried again with the next one.
     pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
-        let Some(file) = &mut self.file else { return };
-        if let Err(error) = file.write_all(row(trainer, evaluation).as_bytes()) {
-            eprint_line(&format!(
-                "{}: cannot be written, so the table ends here: {error}",
-                self.path.display()
-            ));
-            self.file = None;
+        self.write(&row(trainer, evaluation));
+    }
+
+    fn write(&mut self, row: &str) {
+        let is_first = self.waiting.is_empty();
+        self.waiting += row;
+        // A failure may have left a part of a line.
+        let at_end = self.file.seek(SeekFrom::Start(self.end));
+        if let Err(error) = at_end.and_then(|_| self.file.write_all(self.waiting.as_bytes())) {
+            let _ = self.file.set_len(self.end);
+            if is_first {
+                let path = self.path.display();
+                let then = "rows are missing until the next that can be";
+                eprint_line(&format!("{path}: cannot be written, {then}: {error}"));
+            }
+            return;
         }
+        self.end += self.waiting.len() as u64;
+        self.waiting.clear();
     }
 }
 
@@ -189,4 +203,23 @@ fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
     }
     let is_later = kept == first.len() && kept < table.len();
     if is_later { Err("all of its rows are later".to_owned()) } else { Ok(kept) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_that_could_not_be_written_come_with_the_next_one() {
+        let path = tempfile::NamedTempFile::new().expect("a file").into_temp_path();
+        std::fs::write(&path, "head\n1\n").expect("written");
+        let file = File::open(&path).expect("one that cannot be written");
+        let mut table =
+            MetricsTable { path: path.to_path_buf(), file, waiting: String::new(), end: 7 };
+        table.write("2\n");
+        table.file = File::options().write(true).open(&path).expect("a file");
+        table.write("3\n");
+        table.write("4\n");
+        assert_eq!(std::fs::read_to_string(&path).expect("a table"), "head\n1\n2\n3\n4\n");
+    }
 }

@@ -189,7 +189,7 @@ fn lost(snapshot: &Snapshot, also: &str) -> String {
             let name = name.to_string_lossy();
             format!("keeps autosave {name}, loses {} updates after it{also}", grouped(lost))
         }
-        None if lost == 0 => format!("unsaved steps{also} are lost"),
+        None if lost == 0 => format!("unsaved steps or settings{also} are lost"),
         None => format!("{} unsaved updates{also} are lost", grouped(lost)),
     }
 }

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Wish;
-use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, name};
+use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
 use gdg::files;
 use gdg::text::{counted, sanitized};
 
@@ -211,10 +211,15 @@ impl List {
 }
 
 fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> {
+    // What the records of a run name may have been replaced since.
+    let is_own = |run: &SavedRun, path: &Path| {
+        run.kind != RunKind::Records || file(path).iter().flatten().all(|found| found.is_same(run))
+    };
     let checkpoint = |run: &SavedRun| match &run.checkpoint {
-        Some(path) if path.is_file() => Ok(path.clone()),
+        Some(path) if path.is_file() && is_own(run, path) => Ok(path.clone()),
         found => {
             let why = match found {
+                Some(path) if path.is_file() => format!("{} is another run's", path.display()),
                 Some(path) => format!("{} is gone", path.display()),
                 None if run.is_damaged() => "it cannot be read".to_owned(),
                 None => "it has no checkpoint".to_owned(),

@@ -269,12 +269,17 @@ pub fn notes(cx: &Cx) -> Notes {
 }
 
 fn is_unsaved(cx: &Cx) -> bool {
-    cx.screen.latest.unsaved_seconds() > 0.0 || cx.scene.has_unsaved_map()
+    cx.screen.latest.unsaved_seconds() > 0.0 || has_unsaved_changes(cx)
 }
 
-/// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
+/// Whether the map or settings of a saved run have been changed since.
+fn has_unsaved_changes(cx: &Cx) -> bool {
+    cx.screen.latest.has_unsaved_settings() || cx.scene.has_unsaved_map()
+}
+
+/// Whether enough is unsaved to ask about it: training, or any change of the map or the settings.
 pub fn is_worth_saving(cx: &Cx) -> bool {
-    cx.screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || cx.scene.has_unsaved_map()
+    cx.screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
 }
 
 /// Returns the present state if it is worth saving.
@@ -295,7 +300,7 @@ impl Session {
         let _waiting = Waiting::begin(&job, TWICE, terminal::restore);
         let failed = self.saver.has_failed || matches!(self.screen.latest.phase, Phase::Failed(_));
         let (is_wanted, is_worth_saving) = (self.saver.named.is_some(), is_worth_saving(&self));
-        let (notes, has_unsaved_map) = (notes(&self), self.scene.has_unsaved_map());
+        let (notes, is_changed) = (notes(&self), has_unsaved_changes(&self));
         let Self { saver, cx, .. } = self;
         let (mut screen, snapshots) = (cx.screen, engine.snapshots());
         // The trainer ends once nothing can send it commands any more.
@@ -325,8 +330,7 @@ impl Session {
                 ))
             }
             Some(trainer)
-                if is_wanted
-                    && (has_unsaved_map || saved_at != Some(trainer.counters().updates)) =>
+                if is_wanted && (is_changed || saved_at != Some(trainer.counters().updates)) =>
             {
                 save_last(trainer, notes, &to, &mut snapshot)
             }

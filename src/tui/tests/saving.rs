@@ -164,6 +164,16 @@ fn saved_app() -> Still {
     app
 }
 
+#[test]
+fn a_setting_changed_since_the_last_save_is_asked_about_and_saved_on_a_signal() {
+    let mut app = saved_app();
+    app.change_snapshot(|latest| Arc::make_mut(&mut latest.run).settings.learn.tau *= 2.0);
+    app.act(Action::Quit);
+    assert_eq!(app.screen.dialogs.len(), 1);
+    app.on_signal();
+    assert!(app.saver.named.is_some());
+}
+
 fn train_on(app: &mut App, seconds: f64, updates: u64) {
     let mut latest = (*app.screen.latest).clone();
     latest.counters.updates += updates;

@@ -112,6 +112,8 @@ pub struct Snapshot {
     pub saved: Option<(u64, Arc<PathBuf>)>,
     /// Seconds of training at which it was saved or loaded; 0 for a run that has not been.
     pub saved_seconds: f64,
+    /// The run as it was saved or loaded; its settings may have changed since.
+    pub saved_run: Arc<Run>,
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
@@ -137,6 +139,7 @@ impl Snapshot {
     pub fn capture(trainer: &Trainer) -> Result<Self, TrainError> {
         let mut snapshot = Self {
             run: Arc::new(trainer.run().clone()),
+            saved_run: Arc::new(trainer.run().clone()),
             generation: 0,
             title: trainer.world().title().into(),
             scene: trainer.scene(),
@@ -230,6 +233,11 @@ impl Snapshot {
         if self.learns { self.seconds - self.saved_seconds } else { 0.0 }
     }
 
+    /// Whether a run that has been saved has other settings now.
+    pub fn has_unsaved_settings(&self) -> bool {
+        self.saved.is_some() && self.run != self.saved_run
+    }
+
     /// Copies the user's choices, but not training progress, from `latest`, a later snapshot of the
     /// same run.
     pub fn follow_decisions(&mut self, latest: &Self) {
@@ -237,6 +245,7 @@ impl Snapshot {
             (latest.run.clone(), latest.methods.clone(), latest.learns);
         (self.phase, self.limits, self.speed) = (latest.phase.clone(), latest.limits, latest.speed);
         (self.saved, self.saved_seconds) = (latest.saved.clone(), latest.saved_seconds);
+        self.saved_run = latest.saved_run.clone();
         self.autosaves = latest.autosaves.clone();
     }
 

@@ -153,8 +153,13 @@ impl Gym {
     }
 
     /// Returns the components of a row that form the state.
+<<<<<<< HEAD
     fn state<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         self.found.columns.iter().map(|column| row[*column])
+=======
+    fn state(&self, row: &[f32]) -> Vec<f32> {
+        self.found.columns.iter().map(|column| row[*column]).collect()
+>>>>>>> 1a55ac23
     }
 
     /// Begins an episode of `agent`; returns its goal.
@@ -168,6 +173,7 @@ impl Gym {
         episode.add(&row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
+<<<<<<< HEAD
         self.set_state(agent, &self.state_in(&row)?);
         Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
     }
@@ -187,6 +193,12 @@ impl Gym {
         Ok(state)
     }
 
+=======
+        self.set_state(agent, &self.state(&row));
+        Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
+    }
+
+>>>>>>> 1a55ac23
     fn set_state(&mut self, agent: usize, state: &[f32]) {
         let s = state.len();
         self.states[agent * s..(agent + 1) * s].copy_from_slice(state);
@@ -206,7 +218,7 @@ impl Gym {
             let Some((row, ended)) = stepped.pop() else { continue };
             self.episodes[agent].step(action, &row, ended);
             self.ended[agent] = ended;
-            self.set_state(agent, &self.state_in(&row)?);
+            self.set_state(agent, &self.state(&row));
         }
         Ok(self.episodes[agent].checksum == episode.checksum)
     }
@@ -311,15 +323,11 @@ impl Environment for Gym {
         for (worker, agents) in self.workers.get_mut() {
             all.extend(worker.end_step(&self.pool.about, agents.len())?);
         }
-        // All or none have stepped.
-        let states = all.iter().map(|(row, _)| self.state_in(row));
-        let states = states.collect::<Result<Vec<_>, _>>()?;
-        let steps = actions.chunks_exact(a).zip(all).zip(states).enumerate();
-        for (agent, ((action, (row, ended)), state)) in steps {
+        for (agent, (action, (row, ended))) in actions.chunks_exact(a).zip(all).enumerate() {
             if !self.retired[agent] && !self.ended[agent] {
                 self.episodes[agent].step(action, &row, ended);
                 self.ended[agent] = ended;
-                self.set_state(agent, &state);
+                self.set_state(agent, &self.state(&row));
             }
         }
         Ok(())

@@ -25,7 +25,8 @@ impl Recorded for Gym {
         let own = package.split('.').next().and_then(|name| about.versions.get(name));
         let version = own.map_or(String::new(), |version| format!(" {version}"));
         let limit = about.time_limit.map_or(String::new(), |limit| format!(", {limit} steps"));
-        Some(format!("{package}{version}, goal radius {}{limit}", self.spec().goal_radius))
+        let source = about.source.map_or(String::new(), |checksum| format!(", {checksum:08x}"));
+        Some(format!("{package}{version}, goal radius {}{limit}{source}", self.spec().goal_radius))
     }
 
     fn facts(&self) -> Map<String, Value> {

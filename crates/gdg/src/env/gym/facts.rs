@@ -225,7 +225,8 @@ fn walk(
 /// of a desired goal they are to equal.
 type Columns = (Vec<usize>, Vec<usize>, Vec<usize>);
 
-/// Finds the achieved goal within the observation; what is not found there is added to the state.
+/// Finds the achieved goal within the observation, where it takes the place of what is observed; what
+/// is not found there is added to the state.
 /// `given` are the components of the observation that are the goal, for environments that have
 /// their goal in `info`; the first two by default.
 fn columns(
@@ -264,10 +265,13 @@ fn columns(
         let after_last = achieved.last().map_or(0, |last| last + 1);
         let mut likely = (after_last..about.observed).chain(0..after_last.min(about.observed));
         let found = likely.find(|column| !achieved.contains(column) && is_same(column));
-        achieved.push(found.unwrap_or_else(|| {
-            columns.push(own);
-            columns.len() - 1
-        }));
+        let place = found.unwrap_or(columns.len());
+        // The goal itself, as what is observed may differ from it later.
+        match found {
+            Some(column) => columns[column] = own,
+            None => columns.push(own),
+        }
+        achieved.push(place);
     }
     Ok((columns, achieved, (0..about.goal).collect()))
 }
@@ -373,6 +377,7 @@ mod tests {
             goal_radius: None,
             maze: None,
             versions: std::collections::BTreeMap::new(),
+            source: None,
         }
     }
 
@@ -390,7 +395,7 @@ mod tests {
     #[test]
     fn what_is_achieved_is_found_in_the_observation_added_to_the_state_or_given() {
         let found = columns(&seen(), &description(4, 2, 2), None);
-        assert_eq!(found, Ok((vec![0, 1, 2, 3, 5], vec![2, 4], vec![0, 1])));
+        assert_eq!(found, Ok((vec![0, 1, 4, 3, 5], vec![2, 4], vec![0, 1])));
         // A goal in info is the first two numbers or those given; a shorter one is only what has to be
         // achieved.
         let all = vec![0, 1, 2, 3];

@@ -8,6 +8,7 @@ Each request gets one reply: OK with what was asked for, or FAILED with JSON tha
 
 import atexit
 import importlib
+import inspect
 import json
 import os
 import random
@@ -18,6 +19,7 @@ import sys
 import threading
 import time
 import traceback
+import zlib
 
 OK, FAILED = 0, 1
 OPEN, MAKE, RESET, STEP = range(1, 5)
@@ -284,6 +286,7 @@ def describe(slot, package):
         "goal_radius": float(radius) if says_radius else None,
         "maze": find_maze(own),
         "versions": versions(package),
+        "source": source(own),
     }
 
 
@@ -294,6 +297,15 @@ def versions(package):
         if isinstance(version, str):
             found[name] = version
     return found
+
+
+def source(own):
+    """Returns a checksum of the file with the environment's class, if there is one."""
+    try:
+        with open(inspect.getsourcefile(type(own)), "rb") as file:
+            return zlib.crc32(file.read())
+    except (TypeError, OSError):
+        return None
 
 
 def numbers(body):

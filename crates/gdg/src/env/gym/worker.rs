@@ -118,6 +118,9 @@ pub struct EnvDescription {
     pub maze: Option<Walls>,
     /// Versions of Python and of packages.
     pub versions: BTreeMap<String, String>,
+    /// Checksum of the file with its class, if there is one.
+    #[serde(default)]
+    pub source: Option<u32>,
 }
 
 impl EnvDescription {

@@ -35,8 +35,14 @@ pub const PGM: MapFormat = MapFormat {
 const BRIGHT: u8 = 160;
 const DARK: u8 = 96;
 
+/// Channels of a colour that is no mark, nor a shade of grey, differ by more.
+const COLOURFUL: u8 = 120;
+
 const PGM_HEADER: &str = "a PGM image begins with P2 or P5, its width, its height and its brightest value, up to 65,535; then \
                           its pixels follow";
+
+const COLOURS: &str =
+    "green (0, 255, 0) is a start, red a goal, yellow both; paint what is a wall or free in grey";
 
 const SAVE_AGAIN: &str = "save or download it again";
 
@@ -93,6 +99,15 @@ impl Image {
             }
         };
         let marks: Vec<CellMark> = self.pixels.iter().map(mark).collect();
+        let is_unclear = |(pixel, mark): &(&[u8; 3], &CellMark)| {
+            let least = pixel.iter().min().unwrap_or(&0);
+            matches!(mark, CellMark::Wall | CellMark::Free)
+                && pixel.iter().any(|channel| channel - least > COLOURFUL)
+        };
+        if let Some(([r, g, b], _)) = self.pixels.iter().zip(&marks).find(is_unclear) {
+            let problem = format!("the colour ({r}, {g}, {b}) is neither a mark nor a grey");
+            return Err(MapError::whole_file(source.file, problem, COLOURS));
+        }
         grid(source, self.width, &marks, help)
     }
 }

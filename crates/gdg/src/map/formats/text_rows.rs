@@ -182,7 +182,7 @@ fn write_d4rl(grid: &Grid) -> String {
 }
 
 const NUMBER_CELLS: &str =
-    "cells are numbers: 0 is free, or -1 where there is one; others are walls";
+    "cells are numbers: 0 is free, one other a wall; where there is -1, that is free, others walls";
 
 fn is_numbers(text: &TextFile) -> bool {
     let first = rows(text).next().map(|(_, row)| row.trim_start());
@@ -236,6 +236,7 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
         return Err(text.error_at(place, problem, "write 0 for free cells and 1 for walls"));
     }
     let empty = if tiled.is_some() { -1.0 } else { 0.0 };
+    let mut wall = None;
     let mut cells = MarkRows::new(text);
     for mut row in lines().map(Iterator::peekable) {
         let Some((_, first)) = row.peek().copied() else { continue };
@@ -252,6 +253,11 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
                     let problem = format!("{number:?} is not a number");
                     text.error_at(place, problem, NUMBER_CELLS)
                 })?;
+                // Tiles are of many kinds.
+                if value != empty && tiled.is_none() && *wall.get_or_insert(value) != value {
+                    let problem = "a third number: which cells are walls, and is this row one?";
+                    return Err(text.error_at(place, problem, NUMBER_CELLS));
+                }
                 cells.push(if value == empty { CellMark::Free } else { CellMark::Wall })?;
             }
         }
