@@ -1,5 +1,6 @@
 //! `gdg-tui suite`: trains methods on maps and other worlds, and writes a table and a report.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -143,6 +144,9 @@ pub fn prepare<'a>(
         }
     }
     warn_if_short(jobs.iter().zip(usual));
+    // A value may be written in several ways, as 16 and 1_6 of a sweep.
+    let mut known = BTreeSet::new();
+    jobs.retain(|job| known.insert((job.key.clone(), job.variant.clone())));
     let jobs = Jobs::new("suite", jobs, &options.running, registry)?;
     Ok(Suite { jobs, markdown: options.markdown })
 }
@@ -232,5 +236,26 @@ impl Suite<'_> {
         folder.write(CURVES, &FigureFormat::Svg.encode(&sheet)?)?;
         folder.write("success.csv", &table)?;
         Ok(Some(caption))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::FromArgMatches;
+
+    use super::*;
+
+    #[test]
+    fn a_value_written_in_several_ways_is_one_job() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().to_str().expect("text");
+        let sweep = "--sweep=hidden=16,16,1_6,32";
+        let line = ["suite", "city", sweep, "--set=small:tau=0.1", "--out", out];
+        let found = SuiteOptions::augment_args(clap::Command::new("suite")).get_matches_from(line);
+        let options = SuiteOptions::from_arg_matches(&found).expect("options");
+        let registry = Registry::builtin();
+        let suite = prepare(&options, &registry).expect("a suite");
+        let of = |name| suite.jobs.all.iter().filter(|job| job.variant.as_deref() == name).count();
+        assert_eq!([of(None), of(Some("small"))], [2, 2]);
     }
 }

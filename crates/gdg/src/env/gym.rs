@@ -153,13 +153,8 @@ impl Gym {
     }
 
     /// Returns the components of a row that form the state.
-<<<<<<< HEAD
-    fn state<'a>(&'a self, row: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
-        self.found.columns.iter().map(|column| row[*column])
-=======
     fn state(&self, row: &[f32]) -> Vec<f32> {
         self.found.columns.iter().map(|column| row[*column]).collect()
->>>>>>> 1a55ac23
     }
 
     /// Begins an episode of `agent`; returns its goal.
@@ -173,32 +168,10 @@ impl Gym {
         episode.add(&row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
-<<<<<<< HEAD
-        self.set_state(agent, &self.state_in(&row)?);
-        Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
-    }
-
-    /// Returns the state in what an environment has returned, unless that achieves something else
-    /// than the components of its observation that were the same before.
-    fn state_in(&self, row: &[f32]) -> Result<Vec<f32>, EnvError> {
-        let state: Vec<f32> = self.state(row).collect();
-        let beside = &row[self.pool.about.observed..];
-        let mut achieved = self.found.spec.achieved.iter().zip(beside);
-        if let Some((column, _)) = achieved.find(|(column, own)| state[**column] != **own) {
-            let problem = format!(
-                "component {column} of its observation was what is achieved, and is not any more"
-            );
-            return Err(failed(&self.pool.address.id, problem, Vec::new()));
-        }
-        Ok(state)
-    }
-
-=======
         self.set_state(agent, &self.state(&row));
         Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
     }
 
->>>>>>> 1a55ac23
     fn set_state(&mut self, agent: usize, state: &[f32]) {
         let s = state.len();
         self.states[agent * s..(agent + 1) * s].copy_from_slice(state);
