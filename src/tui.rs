@@ -6,7 +6,7 @@
 //!
 //! The parts, each of which uses only those before it:
 //!
-//! * `theme`, `style`, `pane_text`, `marker`, `layers`, `panes`, `tool`: colours, and words of the
+//! * `theme`, `style`, `pane_text`, `marker`, `overlay`, `panes`, `tool`: colours, and words of the
 //!   other parts.
 //! * `canvas`, `contours`: the pixels of a scene, at any resolution; `characters` and `graphics` send
 //!   them; `viewport`, `projection`: where they are and what they show.
@@ -34,18 +34,18 @@ mod config;
 mod contours;
 mod dialog;
 mod drawings;
+mod export_kind;
 mod graphics;
 mod input;
 mod interface;
 mod keymap;
 mod layer;
-mod layers;
 mod layout;
 mod link;
 mod lists;
 mod log;
 mod marker;
-mod output;
+mod overlay;
 mod pane_text;
 mod panes;
 mod projection;

@@ -469,6 +469,8 @@ fn a_folder_without_map_files_may_have_maps_in_text_files() {
         listed.err
     );
     has_parts(&listed.out, &["small"]);
+    let beside_maps = place.run(&["maps", "--budget", "30", "--out", "out", "--list"]);
+    has_parts(&beside_maps.err, &["maps: 1 file in other formats left out"]);
 }
 
 #[test]

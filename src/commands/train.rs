@@ -30,13 +30,13 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return print(&tui::config_template());
     }
     logging::start(args.log_level);
+    if args.resume.is_none() {
+        check_for_command(args.map(), registry)?;
+    }
     let obstacle = if args.no_ui { None } else { obstacle() };
     if let Some(obstacle) = &obstacle {
         let meant = "--no-ui says that this is meant";
         eprint_line(&format!("trains without the interface, as {obstacle} ({meant})"));
-    }
-    if args.resume.is_none() {
-        check_for_command(args.map(), registry)?;
     }
     let opening = Waiting::on(prepare::opening(args));
     let setup = prepare::prepare(args, registry, &opening);

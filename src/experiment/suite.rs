@@ -22,8 +22,9 @@ use crate::host::values::{MethodParser, counts, methods_help};
 use crate::host::waiting::Waiting;
 use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
-use gdg::map::{Grid, Reading, builtin, load_map_as};
+use gdg::map::{Grid, MapFormat, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
+use gdg::text::counted;
 use gdg::train::{METHODS, Method, Registry};
 
 const EXAMPLES: &str = "\
@@ -176,19 +177,20 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Job
     let entries = std::fs::read_dir(name).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let entries =
         entries.into_diagnostic().wrap_err_with(|| format!("{folder}: cannot be read"))?;
-    let ending = |extension: &str| {
-        let paths = entries.iter().map(std::fs::DirEntry::path);
-        let is_map =
-            |path: &PathBuf| has_extension(path, extension) && !is_hidden(path) && path.is_file();
-        paths.filter(is_map).collect::<Vec<_>>()
-    };
+    let mut paths: Vec<PathBuf> = entries.iter().map(std::fs::DirEntry::path).collect();
+    paths.retain(|path| MapFormat::by_name(path).is_some() && !is_hidden(path) && path.is_file());
     // Text files beside maps are likely to describe them.
-    let (maps, texts) = (ending("map"), ending("txt"));
-    let mut files = if maps.is_empty() { texts } else { maps };
+    let ending = ["map", "txt"].into_iter().find(|end| paths.iter().any(|p| has_extension(p, end)));
+    let is_used = |path: &&PathBuf| ending.is_some_and(|ending| has_extension(path, ending));
+    let mut files: Vec<PathBuf> = paths.iter().filter(is_used).cloned().collect();
     files.sort();
     if files.is_empty() {
         let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";
         return Err(miette!(help = help, "{folder}: the folder has no .map or .txt files"));
+    }
+    if paths.len() > files.len() {
+        let more = counted((paths.len() - files.len()) as u64, "file");
+        eprint_line(&format!("{folder}: {more} in other formats left out: name those to add"));
     }
     let working = Waiting::on("reading the maps");
     working.begin(0, 1);

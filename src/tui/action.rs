@@ -3,7 +3,7 @@
 mod table;
 
 use super::compare::Comparison;
-use super::layers::Overlay;
+use super::overlay::Overlay;
 use super::panes::Pane;
 use super::session::Session;
 use super::tool::Tool;

@@ -8,7 +8,7 @@ use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
 use super::action::Action;
-use super::output::ExportKind;
+use super::export_kind::ExportKind;
 use super::theme::ThemeName;
 use gdg::map::{Grid, RandomMapKind};
 use gdg::text::display_width;

@@ -9,7 +9,7 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 
 use super::characters::QUADRANTS;
-use super::output::ExportKind;
+use super::export_kind::ExportKind;
 use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;

@@ -13,7 +13,7 @@ pub enum Pane {
 }
 
 impl Pane {
-    /// All panes, in the order of their keys.
+    /// All panes, in the order of their keys, the most informative first.
     pub const ALL: [Self; 5] = [Self::Training, Self::Curves, Self::Walk, Self::Legend, Self::Log];
 
     pub fn name(self) -> &'static str {

@@ -16,7 +16,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEvent, MouseEventKind};
+use crossterm::event::{
+    Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind,
+};
 use miette::{IntoDiagnostic, Report, miette};
 use ratatui::Frame;
 use ratatui::layout::Position;
@@ -216,6 +218,9 @@ impl RunsScreen {
     fn on_key(&mut self, key: KeyEvent) {
         self.log.dismiss();
         let action = self.keymap.action(key, Mode::Listing);
+        if action == Some(Action::Quit) && key.modifiers.contains(KeyModifiers::CONTROL) {
+            return self.act(Action::Quit);
+        }
         if let Some(help) = &mut self.help {
             if help.on_key(key, action) {
                 self.help = None;

@@ -16,9 +16,9 @@ use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
 use super::action::{Action, Binding, Mode};
-use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::link::TrainerLink;
+use super::overlay::Overlay;
 use super::pane_text::fact;
 use super::screen::Screen;
 use gdg::engine::Snapshot;
@@ -191,10 +191,6 @@ impl Scene {
             Self::Maze(maze) => Some(maze),
             Self::Space(_) => None,
         }
-    }
-
-    pub fn other_noun(&self) -> &'static str {
-        self.maze().map_or(maze::NOUN, |_| "arm")
     }
 
     /// Returns the world's title: of a map, its name as last edited.

@@ -217,8 +217,12 @@ impl Session {
     }
 
     fn refuse(&mut self, binding: &Binding) {
-        let (title, other) = (self.scene.title(&self.screen.snapshot), self.scene.other_noun());
-        let text = format!("{title} has no {other}, which \"{}\" is for", binding.name);
+        let title = self.scene.title(&self.screen.snapshot);
+        let text = match binding.action {
+            Action::Projection | Action::Alone => format!("{title} has one view"),
+            Action::ToggleEdit => format!("{title} cannot be edited"),
+            _ => format!("{title} has no map, which \"{}\" is for", binding.name),
+        };
         self.screen.notify(&text);
     }
 

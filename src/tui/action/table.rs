@@ -3,10 +3,10 @@
 use super::{Action as A, Binding, Both, ListAction, Mode, Section};
 use crate::tui::compare::Comparison;
 use crate::tui::dialog::{Dialog, Help};
+use crate::tui::export_kind::ExportKind;
 use crate::tui::interface::TerminalRequest;
-use crate::tui::layers::Overlay;
 use crate::tui::lists;
-use crate::tui::output::ExportKind;
+use crate::tui::overlay::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::session::{Session, change_run, disk, saving, time, view};
 
@@ -264,7 +264,7 @@ const VIEW: &[Binding] = &[
     watch_scene(A::Alone, "alone", &["shift-z"])
         .about("show the chosen projection alone, or all", "single full"),
     watch(A::Marker, "marker", &["m"], |s, _| view::change_marker(s))
-        .about("pixels, half blocks, quadrants or braille", "characters symbols resolution font")
+        .about("pixels, half blocks or quadrants", "characters symbols resolution font")
         .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
         .about("dark, light or colour-blind-safe", "themes colors color scheme mode palette black"),

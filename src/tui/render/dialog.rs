@@ -141,7 +141,8 @@ fn full_text(item: &Item, columns: usize) -> Vec<String> {
         return wrapped(&item.label, columns.max(1));
     }
     if item.below.is_empty() {
-        return wrapped(&format!("{}: {}", item.label, item.detail), columns.max(1));
+        let key = item.key.map_or(String::new(), |key| format!("{key} "));
+        return wrapped(&format!("{key}{}: {}", item.label, item.detail), columns.max(1));
     }
     item.below.iter().flat_map(|line| wrapped(line, columns.max(1))).collect()
 }

@@ -41,9 +41,10 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let fits = fits.unwrap_or(lines.len().saturating_sub(1));
     let Some(line) = lines.into_iter().nth(fits) else { return };
     let width = (line.width() as u16).min(area.width);
-    let area =
-        Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
-    frame.render_widget(Clear, area);
+    let row = Rect { height: area.height.min(1), ..area };
+    let area = Rect { x: area.x + (area.width - width) / 2, width, ..row };
+    // Nothing of a projection's label stays beside it.
+    frame.render_widget(Clear, if scene.maze().is_some() { area } else { row });
     line.draw(frame, area, layout);
 }
 

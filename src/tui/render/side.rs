@@ -25,9 +25,8 @@ const MIN_COLUMN_WIDTH: u16 = 36;
 pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(page, head);
-    // The panes beside and below the selected one, the most informative first.
-    let mut others =
-        [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
+    // The panes beside and below the selected one.
+    let mut others = Pane::ALL.into_iter();
     let chosen = page.screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
     let rows = match body.height {
@@ -129,21 +128,22 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
     clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
-/// Draws the names of the panes with their keys, closer together or without keys if room is short.
+/// Draws the names of the panes with their keys, closer together or cut if room is short.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
     });
-    let formats: [fn(&str, &str) -> String; 3] = [
+    let formats: [fn(&str, &str) -> String; 4] = [
         |key, name| format!(" {key} {name} "),
         |key, name| format!("{key} {name} "),
         |key, name| format!("{key}{name} "),
+        |key, name| format!("{key}{name:.4} "),
     ];
     let texts = formats.map(|format| tabs.each_ref().map(|(key, name)| format(key, name)));
     // The trailing blank may be cut off.
-    let fits = |texts: &&[String; 5]| {
+    let fits = |texts: &&[String; Pane::ALL.len()]| {
         texts.iter().map(|text| Line::raw(text).width()).sum::<usize>()
             <= usize::from(area.width) + 1
     };

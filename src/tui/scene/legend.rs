@@ -11,8 +11,8 @@ use super::ground::MAX_SHOWN_ERROR;
 use crate::tui::action::Action;
 use crate::tui::canvas::SHADES;
 use crate::tui::characters::{CANDIDATE_MARK, UNVISITED_MARK};
-use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
+use crate::tui::overlay::Overlay;
 use crate::tui::pane_text::{fact, fitted_line, heading, short, wrapped};
 use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
@@ -170,7 +170,8 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("from", "where this walk began"),
     ("to G", "where it leads: the goal"),
     ("walking", "steps taken on this walk so far"),
-    ("arrived", "steps it took; below: walks that arrived"),
+    ("arrived", "steps it took"),
+    ("arrivals", "walks that arrived, of those that ended"),
     ("shortest", "true steps from the start to the goal"),
     ("D to goal", "steps left, as learned"),
     ("waypoint", "what the agent heads for next"),
@@ -224,7 +225,7 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
     let key = |action| screen.keymap.key_of(action);
     lines.extend([
         heading("walks"),
-        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
+        fact("arrivals", format!("{} of {}", reach.finished.0, reach.finished.1)),
         fact("then", screen.on_arrival.name()),
         Line::default(),
         Line::from(format!(" {} or click: new goal", key(Action::NewGoal))),
@@ -241,7 +242,7 @@ fn bridges(reach: &Reach) -> Option<String> {
     }
     let (direct, along) = (reach.distances.0.round(), reach.along.round());
     let effect = if along < direct {
-        format!("{:.0} steps shorter", direct - along)
+        format!("{} shorter", counted((direct - along) as u64, "step"))
     } else {
         "no shorter, but each hop is short enough to trust".to_owned()
     };

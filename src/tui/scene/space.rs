@@ -12,9 +12,9 @@ use ratatui::text::Line;
 
 use super::{Cache, SceneKind};
 use crate::tui::action::{Action, Binding};
-use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::TrainerLink;
+use crate::tui::overlay::Overlay;
 use crate::tui::pane_text::{fact, heading};
 use crate::tui::panes::Pane;
 use crate::tui::projection::{Angle, Camera, Projection, ShownAngles, has_room};

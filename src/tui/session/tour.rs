@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::{Cx, view};
 use crate::tui::action::Action;
-use crate::tui::layers::Overlay;
+use crate::tui::overlay::Overlay;
 use crate::tui::scene::MazeState;
 use crate::tui::scene::maze;
 use crate::tui::screen::{Caption, Screen, ShownStep};

@@ -2,8 +2,8 @@
 
 use super::Cx;
 use crate::tui::action::Action;
-use crate::tui::layers::Overlays;
 use crate::tui::marker::Marker;
+use crate::tui::overlay::Overlays;
 use crate::tui::panes::Pane;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
@@ -34,7 +34,8 @@ pub fn toggle_overlay(cx: &mut Cx, action: Action) {
     let screen = &mut cx.screen;
     if overlay.needs_bridges() && !screen.run().method.plans() {
         let (key, method) = (screen.keymap.key_of(Action::Method), screen.run().method.name());
-        return screen.say(&format!("{method} has no bridges: {key} chooses another method"));
+        return screen
+            .say(&format!("{method} has no bridges: press {key} to choose another method"));
     }
     let shown = screen.overlays.toggle(overlay);
     cx.scene.act(action, screen, &mut cx.link);

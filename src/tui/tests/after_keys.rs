@@ -122,7 +122,8 @@ const ROWS: &[ScreenTest] = &[
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
     (Run, LARGE, "v", &["D from S"], &[]),
-    (New, SMALL, "i", &["cell 19,4"], &[]),
+    (New, SMALL, "i", &["cell 19,4", "arrows move, Enter sets the goal, Esc closes"], &[]),
+    (New, SMALL, "Z", &["has one view"], &[]),
     // Over the wall at column 10, and not beyond the map.
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
@@ -150,9 +151,9 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "", &["fetch-reach", "side", "D to G"], &[]),
     (Arm, HUGE, "", &["side", "front", "top", "free"], &[]),
     (Arm, SMALL, "P", &["front"], &[]),
-    (Arm, SMALL, "e", &["fetch-reach has no map, "], &["EDIT"]),
+    (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "G", "@"], &[]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "4goal 5log"], &[]),
     (Goals, SMALL, "P", &["g0\u{2192}", "g2\u{2191}"], &[]),
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),

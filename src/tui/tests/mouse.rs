@@ -1,7 +1,7 @@
 //! The mouse, apart from setting goals: keys in the footer, names, lists, zooming, panning, and editing.
 
 use super::*;
-use crate::tui::layers::Overlay;
+use crate::tui::overlay::Overlay;
 use crate::tui::panes::Pane;
 
 /// Clicks on the first place that shows `text`.

@@ -6,8 +6,8 @@ use super::staged::staged_app;
 use super::*;
 use crate::tui::graphics::patches::Patches;
 use crate::tui::graphics::{Graphics, Redraw, TerminalPicture};
-use crate::tui::layers::Overlay;
 use crate::tui::marker::Marker;
+use crate::tui::overlay::Overlay;
 use crate::tui::theme::Rgb;
 
 pub(super) const GRAPHICS: Graphics = Graphics { character: (8, 16) };
