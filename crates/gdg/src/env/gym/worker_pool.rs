@@ -137,13 +137,12 @@ impl Pool {
     ) -> Result<(Self, EnvFacts), EnvError> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
-        let (found, warnings) = match kept {
-            Some((found, kept)) => (found, about.changes_since(&kept)?.into_iter().collect()),
-            None => {
-                let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
-                let warnings: Vec<String> = about.warnings().collect();
-                (facts::find(&mut worker, &about, goal, radius)?, warnings)
-            }
+        let (found, warnings) = if let Some((found, was)) = kept {
+            (found, about.changes_since(&was)?.into_iter().collect())
+        } else {
+            let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
+            let warnings: Vec<String> = about.warnings().collect();
+            (facts::find(&mut worker, &about, goal, radius)?, warnings)
         };
         let (mut pool, found) = Self::unopened(address, options, about, found)?;
         pool.job = job;
