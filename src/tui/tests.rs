@@ -385,11 +385,12 @@ fn enter(app: &mut (impl Driven + ?Sized), text: &str) {
 }
 
 /// Applies what engine and viewer publish until `is` holds.
+#[track_caller]
 fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
     let (snapshots, views) = (app.snapshots(), app.views());
     let began = Instant::now();
     while !is(app) {
-        assert!(began.elapsed() < Duration::from_mins(1), "timed out");
+        assert!(began.elapsed() < Duration::from_mins(1), "timed out: {}", notice(app));
         std::thread::sleep(Duration::from_millis(5));
         let (snapshot, view) = (snapshots.borrow().clone(), views.borrow().clone());
         app.on_snapshot(snapshot);
