@@ -114,7 +114,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     // Move the goal two cells left of the map's; the agent reaches it repeatedly.
     session.press("3hh");
     session.wait_for("to G      10.5, 4.5");
-    for arrivals in ["arrivals  1 of", "arrived   2 of"] {
+    for arrivals in ["arrivals  1 of", "arrivals  2 of"] {
         session.wait_for(arrivals);
     }
     session.press("s");
