@@ -194,11 +194,6 @@ impl Spec {
         self.achieved.len()
     }
 
-    /// Returns whether states have components that are not part of the goal.
-    pub fn has_more_than_goals(&self) -> bool {
-        self.state_dim() > self.goal_dim()
-    }
-
     /// Scales `value` of state component `i` to [-1, 1], or at most [`MOST_HALF_RANGES`] either way
     /// where it is outside of its range; returns 0 for a constant component.
     pub fn scaled(&self, i: usize, value: f32) -> f32 {

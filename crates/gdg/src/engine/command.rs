@@ -166,6 +166,7 @@ impl TrainingThread {
         }
         self.current.saved = Some((updates, Arc::new(path)));
         self.current.saved_seconds = self.trainer.seconds();
+        // Saving may have rolled back, which changes settings.
         self.current.saved_run = Arc::new(self.trainer.run().clone());
         Ok(text)
     }
@@ -322,7 +323,6 @@ impl TrainingThread {
         let updates = self.trainer.counters().updates;
         self.current.saved = Some((updates, Arc::new(path)));
         self.current.saved_seconds = self.trainer.seconds();
-        self.current.saved_run = Arc::new(self.trainer.run().clone());
         Ok(text)
     }
 }

@@ -137,9 +137,10 @@ impl Networks {
 impl Snapshot {
     /// Captures the current state of `trainer`, as if training had just started.
     pub fn capture(trainer: &Trainer) -> Result<Self, TrainError> {
+        let run = Arc::new(trainer.run().clone());
         let mut snapshot = Self {
-            run: Arc::new(trainer.run().clone()),
-            saved_run: Arc::new(trainer.run().clone()),
+            saved_run: run.clone(),
+            run,
             generation: 0,
             title: trainer.world().title().into(),
             scene: trainer.scene(),

@@ -82,8 +82,8 @@ impl EnvFacts {
             let column = |walk: &[f32]| walk.iter().skip(i).step_by(s).copied().collect::<Vec<_>>();
             let numbers: Vec<f32> = walks.iter().flat_map(|walk| column(walk)).collect();
             // A component that seldom changes has no range but the whole one.
-            let ranges = [TAIL, 0.0].map(|tail| share(numbers.clone(), tail));
-            let range = ranges.into_iter().find(|[low, high]| high > low).unwrap_or_default();
+            let mut ranges = [TAIL, 0.0].into_iter().map(|tail| share(numbers.clone(), tail));
+            let range = ranges.find(|[low, high]| high > low).unwrap_or_default();
             let [centre, half] =
                 [0.5 * (range[0] + range[1]), 0.5 * MARGIN * (range[1] - range[0])];
             let is_constant = half <= CONSTANT * centre.abs().max(1.0);
@@ -353,10 +353,11 @@ fn widen(spec: &mut Spec) {
 
 /// Returns the range of `numbers` without the share `tail` of them below it and above it.
 fn share(mut numbers: Vec<f32>, tail: f64) -> [f32; 2] {
-    numbers.sort_by(f32::total_cmp);
-    let last = numbers.len().saturating_sub(1);
-    let at = |share: f64| numbers.get((share * last as f64).round() as usize).copied();
-    [at(tail), at(1.0 - tail)].map(Option::unwrap_or_default)
+    let Some(last) = numbers.len().checked_sub(1) else { return [0.0; 2] };
+    [tail, 1.0 - tail].map(|share| {
+        let at = (share * last as f64).round() as usize;
+        *numbers.select_nth_unstable_by(at, f32::total_cmp).1
+    })
 }
 
 #[cfg(test)]

@@ -183,23 +183,23 @@ impl BatchSampler {
         batch.relearns = relearning.is_some();
         let n_step =
             if doubt_all { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
+        let has_more_than_goals = self.spec.state_dim() > self.spec.goal_dim();
         let recent_rows = (RELEARN_RECENT * self.settings.batch_size as f32) as usize;
         for row in 0..self.settings.batch_size {
             let (mut moment, mut left) = replay.sample(rng);
             let mut bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
-            let g = self.spec.goal_dim();
-            // Where what is achieved seldom moves, it is still at most hindsight goals, which teach
+            // Where what is achieved seldom moves, most hindsight goals are achieved already and teach
             // nothing: another pair.
-            for _ in 0..if self.spec.has_more_than_goals() { MOST_REDRAWS } else { 0 } {
-                let goal = &batch.goals[batch.goals.len() - g..];
-                if bound.is_infinite() || self.is_away(replay.state(moment), goal) {
+            let mut redraws = if has_more_than_goals { MOST_REDRAWS } else { 0 };
+            while redraws > 0 && bound.is_finite() {
+                let goal = batch.goals.len() - self.spec.goal_dim();
+                if self.is_away(replay.state(moment), batch.goals[goal..].iter().copied()) {
                     break;
                 }
+                batch.goals.truncate(goal);
                 (moment, left) = replay.sample(rng);
-                let ahead = self.hindsight_steps(left, rng);
-                batch.goals.truncate(batch.goals.len() - g);
-                batch.goals.extend(self.spec.achieved(replay.state(later(moment, ahead))));
-                bound = ahead as f32;
+                bound = self.push_hindsight_goal(replay, moment, left, rng, &mut batch.goals);
+                redraws -= 1;
             }
             let ahead = if bound.is_finite() { bound as usize } else { 0 };
             let state = replay.state(moment);
@@ -219,13 +219,16 @@ impl BatchSampler {
             let bound = if self.settings.hindsight_bound { bound } else { f32::INFINITY };
             batch.bound.push(bound.min(self.max_distance()));
             batch.lower.push(0.0);
-            // The model sees every second of them where what is achieved changes last before the goal.
-            let moving = (1..=ahead).rev().map(|k| later(moment, k - 1));
-            let moved = (self.spec.has_more_than_goals() && row % 2 == 0).then(|| {
-                let moves = |moment: &StoredStep| self.moves(replay, *moment);
-                if moves(&moment) { None } else { moving.into_iter().find(moves) }
-            });
-            let moment = moved.flatten().unwrap_or(moment);
+            // In place of every second step that moves nothing, the model sees the last one before the
+            // goal that does.
+            let moves = |moment: &StoredStep| {
+                let next = replay.state(later(*moment, 1));
+                self.is_away(replay.state(*moment), self.spec.achieved(next))
+            };
+            if has_more_than_goals && row % 2 == 0 && !moves(&moment) {
+                let last = (0..ahead).rev().map(|k| later(moment, k)).find(moves);
+                moment = last.unwrap_or(moment);
+            }
             let recent = relearning.filter(|_| row < recent_rows);
             let moment =
                 recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);
@@ -245,15 +248,9 @@ impl BatchSampler {
     }
 
     /// Returns whether `state` achieves anything else than `goal`.
-    fn is_away(&self, state: &[f32], goal: &[f32]) -> bool {
+    fn is_away(&self, state: &[f32], goal: impl Iterator<Item = f32>) -> bool {
         let least = LEAST_MOVE * self.spec.largest_change();
         self.spec.achieved(state).zip(goal).any(|(achieved, goal)| (goal - achieved).abs() > least)
-    }
-
-    /// Returns whether the step at `moment` moves what is achieved.
-    fn moves(&self, replay: &Replay, moment: StoredStep) -> bool {
-        let next: Vec<f32> = self.spec.achieved(replay.state(later(moment, 1))).collect();
-        self.is_away(replay.state(moment), &next)
     }
 
     /// Returns the number of pairs of places whose distance is known in a batch (distillation), and
@@ -343,9 +340,7 @@ impl BatchSampler {
     ) -> f32 {
         let kind: f32 = rng.random();
         if kind < self.settings.goal_hindsight {
-            let ahead = self.hindsight_steps(left, rng);
-            goals.extend(self.spec.achieved(replay.state(later(moment, ahead))));
-            return ahead as f32;
+            return self.push_hindsight_goal(replay, moment, left, rng, goals);
         }
         if kind < self.settings.goal_hindsight + self.settings.goal_random {
             goals.extend(self.spec.achieved(replay.state(replay.sample_any(rng))));
@@ -353,6 +348,20 @@ impl BatchSampler {
             goals.extend(replay.goal(moment));
         }
         f32::INFINITY
+    }
+
+    /// Appends what is achieved later in the episode to `goals`; returns after how many steps.
+    fn push_hindsight_goal(
+        &self,
+        replay: &Replay,
+        moment: StoredStep,
+        left: usize,
+        rng: &mut ChaCha8Rng,
+        goals: &mut Vec<f32>,
+    ) -> f32 {
+        let ahead = self.hindsight_steps(left, rng);
+        goals.extend(self.spec.achieved(replay.state(later(moment, ahead))));
+        ahead as f32
     }
 
     /// Draws how many steps ahead a hindsight goal lies, from 1 to `left`.

@@ -45,10 +45,9 @@ impl Trainer {
     /// # Errors
     /// The world cannot be copied, or the learner refuses the scales that the data have.
     pub fn learn_from(&mut self, data: &Dataset, progress: &Job) -> Result<LeftOut> {
-        let mut world = self.world().fork(0)?;
-        if world.rescale(&data.walks().collect::<Vec<_>>()) {
-            let (run, registry, job) = (self.run.clone(), self.registry.clone(), self.job.clone());
-            *self = Self::new(run, &*world, &registry, self.threads)?;
+        if self.rollout.env.rescale(&data.walks().collect::<Vec<_>>()) {
+            let (run, job) = (self.run.clone(), self.job.clone());
+            *self = Self::new(run, self.world(), &self.registry, self.threads)?;
             self.set_job(job);
         }
         self.replay = self.replay_of(data);
