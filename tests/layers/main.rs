@@ -28,7 +28,7 @@ const LIBRARY: [Room; 15] = [
     ("bridge", 3_300),
     ("train", 6_750),
     ("engine", 1_250),
-    ("draw", 800),
+    ("draw", 820),
     ("viewer", 1_650),
 ];
 
@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 850),
     ("headless", 900),
     ("experiment", 5_150),
-    ("tui", 19_700),
+    ("tui", 19_680),
     ("cli", 650),
     ("commands", 1_000),
 ];
