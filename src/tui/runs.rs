@@ -281,10 +281,9 @@ impl RunsScreen {
     fn act_on_list(&mut self, action: ListAction) {
         let (measure, axis) = self.curves;
         match action {
+            ListAction::Mark if self.list.toggle_mark() => {}
             ListAction::Mark => {
-                if !self.list.toggle_mark() {
-                    self.log.show("each letter marks a run already: unmark one first", true);
-                }
+                self.log.show("each letter marks a run already: unmark one first", true);
             }
             ListAction::Filter => self.is_typing = true,
             ListAction::Sort => self.list.sort_by((self.list.order.0 + 1) % COLUMNS.len()),
