@@ -71,6 +71,13 @@ pub struct Jobs<'a> {
     options: &'a JobOptions,
 }
 
+impl JobOptions {
+    /// Returns the folder of a command.
+    pub fn folder(&self, command: &str) -> Folder {
+        Folder(self.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command)))
+    }
+}
+
 impl<'a> Jobs<'a> {
     /// Takes the jobs of a command, the same of which may be given several times. Checks that those
     /// named exist, and that results can be written.
@@ -82,8 +89,7 @@ impl<'a> Jobs<'a> {
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let out = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
-        let jobs = Self { all, folder: Folder(out), registry, options };
+        let jobs = Self { all, folder: options.folder(command), registry, options };
         jobs.chosen()?;
         if options.collect {
             jobs.folder.check_has_jobs()?;
