@@ -168,7 +168,13 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
 
     let run =
         |more: &[&str]| place.run(&[&["fig6", "--updates", "20", "--out", "out"], more].concat());
-    assert_eq!(run(&[]).status, Some(0));
+    let mut two = program_in(place.0.path());
+    two.args(["reproduce", "fig6", "--updates", "20", "--out", "out"]).args(SMALL);
+    two.args(["--eval-tasks", "1", "--seeds", "2"]);
+    assert_eq!(ran(two).status, Some(0));
+    let one = run(&[]);
+    assert_eq!(one.status, Some(0));
+    assert_eq!(one.out.matches("20 updates, 2 seeds").count(), plain.len(), "{}", one.out);
     let rerun = run(&["--set", "gdg:expectile=0.7"]);
     has_parts(
         &rerun.err,

@@ -199,11 +199,17 @@ impl Reproduction<'_> {
             let problem = folder.problem(job).unwrap_or_else(|error| Some(error.to_string()));
             problem.iter().for_each(|problem| eprint_line(problem));
         }
-        let mut sections = String::new();
+        let (mut sections, others) = (String::new(), folder.results().0);
         for (figure, methods) in &mut *figures {
             for method in &mut *methods {
                 method.results =
                     method.jobs.iter().filter_map(|job| folder.result_of(job)).collect();
+                // What was trained with further seeds counts as well.
+                let is_open = |seed| method.jobs.iter().all(|job| job.run.seed != seed);
+                let further = others.iter().filter(|other| {
+                    figure.several_seeds && is_open(other.seed) && method.jobs[0].is_seed(other)
+                });
+                method.results.extend(further.cloned());
             }
             methods.retain(|method| !method.results.is_empty());
             if methods.is_empty() {

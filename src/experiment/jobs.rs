@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
@@ -26,6 +26,7 @@ use crate::host::signals::TerminationSignal;
 use crate::host::values::{counts, output};
 use crate::host::waiting::duration;
 use gdg::files::check_writable;
+use gdg::job::Stopwatch;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
 use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingLoop};
@@ -70,6 +71,13 @@ pub struct Jobs<'a> {
     options: &'a JobOptions,
 }
 
+impl JobOptions {
+    /// Returns the folder of a command.
+    pub fn folder(&self, command: &str) -> Folder {
+        Folder(self.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command)))
+    }
+}
+
 impl<'a> Jobs<'a> {
     /// Takes the jobs of a command, the same of which may be given several times. Checks that those
     /// named exist, and that results can be written.
@@ -81,8 +89,7 @@ impl<'a> Jobs<'a> {
     ) -> Result<Self, Report> {
         let mut known = BTreeSet::new();
         let all = jobs.into_iter().filter(|job| known.insert(job.name.clone())).collect();
-        let out = options.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command));
-        let jobs = Self { all, folder: Folder(out), registry, options };
+        let jobs = Self { all, folder: options.folder(command), registry, options };
         jobs.chosen()?;
         if options.collect {
             jobs.folder.check_has_jobs()?;
@@ -452,12 +459,12 @@ impl Runner<'_> {
 struct JobsProgress {
     /// The share done of each job, and what of that earlier processes have done.
     shares: Mutex<Vec<[f64; 2]>>,
-    began: Instant,
+    began: Stopwatch,
 }
 
 impl JobsProgress {
     fn new(jobs: usize) -> Self {
-        Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Instant::now() }
+        Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Stopwatch::start() }
     }
 
     /// Records the share of a job that earlier processes have done.

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use miette::Report;
+use miette::{Report, miette};
 
 use super::folder::{Folder, picture_name};
 use super::plot::Grouping;
@@ -52,18 +52,34 @@ pub struct JobRow {
     /// The method, with what tells it apart from its others.
     label: String,
     about: JobResult,
-    /// Names of the jobs, one per seed; none if only results are known.
-    jobs: Vec<String>,
+    /// Names of the jobs that have no result yet.
+    missing: Vec<String>,
+    /// One per seed.
     pub results: Vec<JobResult>,
 }
 
-/// Returns the rows of `jobs`, with the results there are, and those of other runs in the folder,
-/// so that no method's results replace those of another; and what cannot be used there.
+/// Returns the rows of `jobs`, with the results there are, further seeds among them, and those of
+/// other runs in the folder; and what cannot be used there.
 pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<JobRow>, Vec<Report>) {
-    let (mut others, problems) = folder.results();
+    let (mut others, mut problems) = folder.results();
     others.retain(|result| jobs.iter().all(|job| job.name != result.name));
     let own = jobs.iter().map(|job| folder.result_of(job).unwrap_or_else(|| job.open_result()));
-    let all: Vec<JobResult> = own.chain(others).collect();
+    let own: Vec<JobResult> = own.collect();
+    let mut left_out = |result: &JobResult, why: &str| {
+        problems.push(miette!(
+            "{}: {why}",
+            folder.path(&format!("jobs/{}.json", result.name)).display()
+        ));
+    };
+    others.retain(|result| {
+        let of = own.iter().position(|own| own.thing() == result.thing());
+        let is_seed = of.is_none_or(|i| jobs[i].is_seed(result));
+        if !is_seed {
+            left_out(result, "is of another version, or was evaluated on other tasks");
+        }
+        is_seed
+    });
+    let all: Vec<JobResult> = own.into_iter().chain(others).collect();
     let runs = all.iter().map(|result| SavedRun::of_result(result.clone(), PathBuf::new()));
     let grouping = Grouping::new(&runs.collect::<Vec<_>>(), &[]);
     let mut rows: Vec<JobRow> = Vec::new();
@@ -77,21 +93,21 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<JobRow>, Vec<Report>) {
         let at = rows.iter().position(is_of).unwrap_or_else(|| {
             let last = rows.iter().rposition(|row| row.map == *map);
             let at = last.map_or(rows.len(), |last| last + 1);
-            let (about, jobs, results) = (result.clone(), Vec::new(), Vec::new());
-            rows.insert(
-                at,
-                JobRow { map: map.clone(), label: label.clone(), about, jobs, results },
-            );
+            let (about, missing, results) = (result.clone(), Vec::new(), Vec::new());
+            let (map, label) = (map.clone(), label.clone());
+            rows.insert(at, JobRow { map, label, about, missing, results });
             at
         });
         let row = &mut rows[at];
-        let is_job = i < jobs.len();
-        row.jobs.extend(is_job.then(|| result.name.clone()));
-        // Jobs that are known replace those of other versions.
-        if !result.evaluations.is_empty() && (is_job || row.jobs.is_empty()) {
+        if result.evaluations.is_empty() {
+            row.missing.push(result.name);
+        } else if row.results.iter().any(|known| known.seed == result.seed) {
+            left_out(&result, "another one has the same method, map, settings and seed");
+        } else {
             row.results.push(result);
         }
     }
+    rows.iter_mut().for_each(|row| row.results.sort_by_key(|result| result.seed));
     (rows, problems)
 }
 
@@ -104,7 +120,7 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
     let mut lines: Vec<Vec<String>> = vec![heads.map(str::to_owned).collect()];
     let labels: Vec<String> = rows.iter().map(|row| plain(&row.label)).collect();
     for (row, label) in rows.iter().zip(&labels) {
-        let missing = match (row.results.len(), row.jobs.len()) {
+        let missing = match (row.results.len(), row.seeds()) {
             (found, all) if found < all && all > 1 => format!(" ({found} of {all} seeds)"),
             _ => String::new(),
         };
@@ -112,23 +128,34 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
         let cells = columns().map(|column| column.cell(&row.results));
         lines.push(about.into_iter().chain(cells).collect());
     }
+    let kind = |row: &JobRow| (row.label.clone(), row.about.updates);
     let mut known = BTreeSet::new();
-    for label in labels.iter().filter(|label| known.insert(*label)) {
-        let own = rows.iter().zip(&labels).filter(|(_, of)| *of == label);
-        let own: Vec<&JobResult> = own.flat_map(|(row, _)| &row.results).collect();
-        if labels.iter().filter(|of| *of == label).count() < 2 {
+    for (first, label) in rows.iter().zip(&labels).filter(|(row, _)| known.insert(kind(row))) {
+        let own = rows.iter().filter(|row| kind(row) == kind(first) && !row.results.is_empty());
+        let own: Vec<&JobRow> = own.collect();
+        if own.len() < 2 {
             continue;
         }
+        // Each map counts once, whatever its seeds.
         for (name, of) in [
             ("mean", (|_, v| mean(v)) as fn(&ReportColumn, &[f64]) -> f64),
             ("worst", ReportColumn::worst),
         ] {
             let name = if as_markdown { format!("**{name}**") } else { name.to_owned() };
             let total = columns().map(|column| {
-                let values: Vec<f64> = own.iter().filter_map(|own| (column.of)(own)).collect();
+                let of_map = |row: &&JobRow| {
+                    let values = column.values(&row.results);
+                    (!values.is_empty()).then(|| of(column, &values))
+                };
+                let values: Vec<f64> = own.iter().filter_map(of_map).collect();
                 if values.is_empty() { "-".to_owned() } else { column.format(of(column, &values)) }
             });
-            lines.push([name, label.clone(), String::new()].into_iter().chain(total).collect());
+            let about = [
+                format!("{name} of {}", own.len()),
+                label.clone(),
+                first.about.updates.to_string(),
+            ];
+            lines.push(about.into_iter().chain(total).collect());
         }
     }
     if !as_markdown {
@@ -147,7 +174,17 @@ pub fn markdown_table(alignment: &str, rows: &[Vec<String>]) -> String {
     format!("{}|{rule}\n{}", lines(head), lines(rows))
 }
 
+impl JobRow {
+    fn seeds(&self) -> usize {
+        self.results.len() + self.missing.len()
+    }
+}
+
 impl ReportColumn {
+    fn values(&self, results: &[JobResult]) -> Vec<f64> {
+        results.iter().filter_map(self.of).collect()
+    }
+
     fn worst(&self, values: &[f64]) -> f64 {
         let is_error = self.title.starts_with("error") || self.title.starts_with("false");
         let worse = if is_error { f64::max } else { f64::min };
@@ -159,7 +196,7 @@ impl ReportColumn {
     }
 
     fn cell(&self, results: &[JobResult]) -> String {
-        match &results.iter().filter_map(self.of).collect::<Vec<f64>>()[..] {
+        match &self.values(results)[..] {
             [] => "-".to_owned(),
             [value] => self.format(*value),
             values => {
@@ -203,8 +240,7 @@ pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String
         for result in &row.results {
             out += &format!("\n{}\n", section(result, folder));
         }
-        let missing = |name: &&String| row.results.iter().all(|result| result.name != **name);
-        for name in row.jobs.iter().filter(missing) {
+        for name in &row.missing {
             out += &format!("\n{}: no result yet.\n", markdown(name));
         }
     }
@@ -212,13 +248,15 @@ pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String
 }
 
 fn about(rows: &[JobRow]) -> String {
-    let seeds = rows.iter().map(|row| row.jobs.len().max(row.results.len())).max().unwrap_or(0);
+    let seeds = || rows.iter().map(|row| row.seeds() as u64);
+    let (least, most) = (seeds().min().unwrap_or(0), seeds().max().unwrap_or(0));
+    let least = if least < most { format!("{least} to ") } else { String::new() };
     format!(
-        "gdg-tui {}; {} each, on tasks at six distances. Agents start at the map's `S`; on a map \
+        "gdg-tui {}; {least}{} each, on tasks at six distances. Agents start at the map's `S`; on a map \
          without one, at one cell of its largest component that the seed draws; with \
          restart=anywhere, anywhere. In brackets: the worst seed.",
         env!("CARGO_PKG_VERSION"),
-        counted(seeds as u64, "seed"),
+        counted(most, "seed"),
     )
 }
 

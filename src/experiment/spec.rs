@@ -132,6 +132,21 @@ impl JobSpec {
         Ok(Self { name, key, variant: None, world, run, plan })
     }
 
+    /// Whether `result` is of this job with any seed: of this version, too, and on as many tasks.
+    pub fn is_seed(&self, result: &JobResult) -> bool {
+        if (self.world.name(), &self.run.method) != (&*result.world, &result.method) {
+            return false;
+        }
+        let run = || Run { seed: result.seed, ..self.run.clone() };
+        // The start is the map's own, or drawn by the seed.
+        let bare = self.world.map().map(|map| map.with_marks(Vec::new(), map.goals().to_vec()));
+        let drawn = bare.map(|map| JobWorld::maze(&map, result.seed));
+        [Some(self.world.clone()), drawn].into_iter().flatten().any(|world| {
+            let job = Self::new(world, "", run(), self.plan.clone());
+            job.is_ok_and(|job| job.key == result.key)
+        })
+    }
+
     /// Whether `trainer` is this job, begun earlier.
     pub fn is_run_of(&self, trainer: &Trainer) -> bool {
         let beyond = match self.plan.length {
@@ -157,6 +172,7 @@ impl JobSpec {
             world: self.world.name().to_owned(),
             fingerprint: self.world.fingerprint(),
             updates: self.plan.length.amount(),
+            eval_tasks: Some(self.plan.eval_tasks),
             data: self.plan.data.clone(),
             seconds: 0.0,
             evaluations: Vec::new(),
@@ -208,6 +224,9 @@ pub struct JobResult {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprint: Option<String>,
     pub updates: u64,
+    /// Tasks at each distance in its evaluations but the last; older results do not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eval_tasks: Option<u32>,
     /// What it learned from instead of acting.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data: Option<JobData>,
@@ -233,6 +252,12 @@ pub struct EvaluationAt {
 impl JobResult {
     pub fn last(&self) -> Option<&Evaluation> {
         self.evaluations.last().map(|at| &at.evaluation)
+    }
+
+    /// Returns what all seeds of a thing have in common.
+    pub fn thing(&self) -> impl PartialEq {
+        let Self { world, fingerprint, method, variant, preset, settings, updates, .. } = self;
+        (world, fingerprint, method, variant, preset, settings, updates)
     }
 }
 

@@ -24,7 +24,7 @@ use gdg::env::maze;
 use gdg::files::{has_extension, is_hidden};
 use gdg::map::{Grid, MapFormat, Reading, builtin, load_map_as};
 use gdg::printing::eprint_line;
-use gdg::text::counted;
+use gdg::text::{counted, sanitized};
 use gdg::train::{METHODS, Method, Registry};
 
 const EXAMPLES: &str = "\
@@ -127,7 +127,9 @@ pub fn prepare<'a>(
     let (mut jobs, mut usual) = (Vec::new(), Vec::new());
     let reading = Reading::from(&options.reading);
     for given in &options.maps {
-        for world in worlds(given, &reading, registry)? {
+        let found = worlds(given, &reading, registry)
+            .or_else(|error| known_worlds(given, options, registry).ok_or(error))?;
+        for world in found {
             let (usual_updates, opened_by) = match world.map() {
                 Some(map) => (usual_updates(map), maze::KIND.name),
                 None => (BUDGETS[0].1, world.name()),
@@ -145,11 +147,24 @@ pub fn prepare<'a>(
         }
     }
     warn_if_short(jobs.iter().zip(usual));
-    // A value may be written in several ways, as 16 and 1_6 of a sweep.
-    let mut known = BTreeSet::new();
-    jobs.retain(|job| known.insert((job.key.clone(), job.variant.clone())));
     let jobs = Jobs::new("suite", jobs, &options.running, registry)?;
     Ok(Suite { jobs, markdown: options.markdown })
+}
+
+/// Returns the worlds called `name` that the folder has results of, if they are only listed or
+/// reported: where one cannot be opened, as without gymnasium, nothing needs it.
+fn known_worlds(name: &Path, options: &SuiteOptions, registry: &Registry) -> Option<Vec<JobWorld>> {
+    let (name, running) = (known_name(name), &options.running);
+    registry.world_opened_by(name).filter(|_| running.list || running.collect)?;
+    let results = running.folder("suite").results().0.into_iter();
+    let own = results.filter(|result| result.world == name);
+    let known: BTreeSet<Option<String>> = own.map(|result| result.fingerprint).collect();
+    let worlds = known.into_iter().map(|own| JobWorld::Named(name.to_owned(), own));
+    let worlds: Vec<JobWorld> = worlds.collect();
+    (!worlds.is_empty()).then(|| {
+        eprint_line(&format!("{}: cannot be opened: as in its results", sanitized(name)));
+        worlds
+    })
 }
 
 /// Returns the updates that suites train for on a map.
@@ -244,20 +259,94 @@ impl Suite<'_> {
 #[cfg(test)]
 mod tests {
     use clap::FromArgMatches;
+    use serde_json::json;
 
+    use super::super::folder::Folder;
+    use super::super::spec::{EvaluationAt, JobResult};
     use super::*;
+
+    /// Returns the jobs of a command that writes to `out`.
+    fn jobs(out: &Path, args: &str) -> Vec<JobSpec> {
+        let line = ["suite", "--out", out.to_str().expect("text")];
+        let args = args.replace("OUT", line[2]);
+        let line = line.into_iter().chain(args.split_whitespace());
+        let found = SuiteOptions::augment_args(clap::Command::new("suite")).get_matches_from(line);
+        let options = SuiteOptions::from_arg_matches(&found).expect("options");
+        prepare(&options, &Registry::builtin()).expect("a suite").jobs.all
+    }
+
+    /// Returns the result of a job, with this success.
+    fn done(job: &JobSpec, success: f64) -> JobResult {
+        let score = json!({"success": success, "by_distance": []});
+        let at = json!({"updates": 9, "env_steps": 0, "seconds": 1, "greedy": score});
+        let at: EvaluationAt = serde_json::from_value(at).expect("an evaluation");
+        JobResult { evaluations: vec![at], ..job.open_result() }
+    }
 
     #[test]
     fn a_value_written_in_several_ways_is_one_job() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let out = folder.path().to_str().expect("text");
-        let sweep = "--sweep=hidden=16,16,1_6,32";
-        let line = ["suite", "city", sweep, "--set=small:tau=0.1", "--out", out];
-        let found = SuiteOptions::augment_args(clap::Command::new("suite")).get_matches_from(line);
-        let options = SuiteOptions::from_arg_matches(&found).expect("options");
-        let registry = Registry::builtin();
-        let suite = prepare(&options, &registry).expect("a suite");
-        let of = |name| suite.jobs.all.iter().filter(|job| job.variant.as_deref() == name).count();
+        let out = tempfile::tempdir().expect("a folder");
+        let jobs = jobs(out.path(), "city --sweep hidden=16,16,1_6,32 --set small:tau=0.1");
+        let of = |name| jobs.iter().filter(|job| job.variant.as_deref() == name).count();
         assert_eq!([of(None), of(Some("small"))], [2, 2]);
+    }
+
+    #[test]
+    fn an_environment_that_cannot_be_opened_is_listed_as_in_its_results() {
+        let out = tempfile::tempdir().expect("a folder");
+        let trap = &jobs(out.path(), "trap --budget 9")[0];
+        let world = JobWorld::Named("gym:NoSuch-v0".to_owned(), Some("a 1".to_owned()));
+        let job = JobSpec::new(world, "gdg-bridge", trap.run.clone(), trap.plan.clone());
+        let job = job.expect("a job");
+        let folder = Folder(out.path().to_owned());
+        folder.finish(&job, &done(&job, 1.0), None, false).expect("a result");
+        for shown in ["--list", "--collect"] {
+            let found = &jobs(out.path(), &format!("gym:NoSuch-v0 --budget 9 {shown}"))[0];
+            assert_eq!(found.world.name(), job.world.name());
+            assert_eq!(found.open_result().fingerprint, job.open_result().fingerprint);
+        }
+    }
+
+    #[test]
+    fn finished_seeds_stay_in_their_row_and_what_is_no_seed_of_it_is_named() {
+        let out = tempfile::tempdir().expect("a folder");
+        // Without a start, which each seed draws.
+        std::fs::write(out.path().join("hall.txt"), "......\n......\n").expect("a map");
+        let folder = Folder(out.path().to_owned());
+        let finish = |job: &JobSpec, result: &JobResult| {
+            folder.finish(job, result, None, false).expect("a result");
+        };
+        let jobs = |args: &str| jobs(out.path(), &format!("OUT/hall.txt trap --budget 9 {args}"));
+        let three = jobs("--seeds 3");
+        // The hall's first seed is open, and the trap has two.
+        let [all @ .., _] = &three[1..] else { panic!("six jobs") };
+        all.iter()
+            .for_each(|job| finish(job, &done(job, if job.run.seed == 3 { 1.0 } else { 0.5 })));
+        let one = jobs("");
+        let (found, problems) = rows(&one, &folder);
+        let seeds = |row: &JobRow| row.results.iter().map(|done| done.seed).collect::<Vec<_>>();
+        assert_eq!(found.iter().map(seeds).collect::<Vec<_>>(), [vec![2, 3], vec![1, 2]]);
+        assert!(problems.is_empty(), "{problems:?}");
+        let shown = table(&found, false);
+        let lines: Vec<String> = shown
+            .lines()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
+            .collect();
+        assert!(
+            lines[1].starts_with("hall (2 of 3 seeds) gdg-bridge 9 - 0.750 (0.500)"),
+            "{shown}"
+        );
+        assert!(lines[2].starts_with("trap gdg-bridge 9 - 0.500 (0.500)"), "{shown}");
+        assert!(lines[3].starts_with("mean of 2 gdg-bridge 9 - 0.625"), "each map once: {shown}");
+
+        let tasks = jobs("--seeds 2 --eval-tasks 3");
+        let own = jobs("--method her");
+        finish(&tasks[1], &done(&tasks[1], 0.0));
+        finish(&own[0], &JobResult { key: "0".to_owned(), seed: 7, ..done(&own[0], 0.0) });
+        finish(&three[0], &done(&three[0], 0.5));
+        let (found, problems) = rows(&one, &folder);
+        assert_eq!((found.len(), seeds(&found[0])), (3, vec![1, 2, 3]), "her has a row of its own");
+        let named: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        assert!(named.len() == 1 && named[0].contains(&tasks[1].name), "{named:?}");
     }
 }

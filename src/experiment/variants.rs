@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::spec::setting_text;
 use crate::host::setup::{RunChoice, SettingsBase, settings_of, split_prefix};
 use gdg::settings::SettingAblation;
-use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings};
+use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, as_listed, list_settings};
 
 pub struct JobVariant {
     pub name: Option<String>,
@@ -136,8 +136,12 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
             Ok(values) => values.iter().map(|value| setting_text(name, value)).collect(),
             Err(_) => values.split(',').map(|value| format!("{name}={}", value.trim())).collect(),
         };
+        // A value may be written in several ways, as 16 and 1_6: one job has one name.
+        let settings: Vec<String> = settings.into_iter().map(as_listed).collect();
         let with = |before: &Vec<String>| {
-            settings.iter().map(|own| [&before[..], std::slice::from_ref(own)].concat()).collect()
+            // The last sweep of a setting wins, as the last value does.
+            let before = before.iter().filter(|set| !set.starts_with(&format!("{name}="))).cloned();
+            settings.iter().map(|own| before.clone().chain([own.clone()]).collect()).collect()
         };
         all = all.iter().flat_map(|before| -> Vec<Vec<String>> { with(before) }).collect();
     }
@@ -227,13 +231,15 @@ mod tests {
             (
                 &["hidden=32,64", "grid_cells=[4,2],[]"],
                 &[
-                    "hidden=32 grid_cells=[4,2]",
+                    "hidden=32 grid_cells=[4.0,2.0]",
                     "hidden=32 grid_cells=[]",
-                    "hidden=64 grid_cells=[4,2]",
+                    "hidden=64 grid_cells=[4.0,2.0]",
                     "hidden=64 grid_cells=[]",
                 ],
             ),
             (&["loss=sqrt, mse"], &["loss=sqrt", "loss=mse"]),
+            (&["expectile=.5,5e-1"], &["expectile=0.5", "expectile=0.5"]),
+            (&["hidden=16", "hidden=3_2,64"], &["hidden=32", "hidden=64"]),
         ] {
             assert_eq!(of(sweeps).expect("settings"), expected);
         }

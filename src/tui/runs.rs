@@ -276,10 +276,9 @@ impl RunsScreen {
                 let rows = isize::try_from(self.places.layout.rows.0.height).unwrap_or(1).max(1);
                 self.list.step(pages * rows);
             }
+            ListAction::Mark if self.list.toggle_mark() => {}
             ListAction::Mark => {
-                if !self.list.toggle_mark() {
-                    self.log.show("each letter marks a run already: unmark one first", true);
-                }
+                self.log.show("each letter marks a run already: unmark one first", true);
             }
             ListAction::Filter => self.is_typing = true,
             ListAction::Sort => self.list.sort_by((self.list.order.0 + 1) % COLUMNS.len()),
