@@ -144,10 +144,6 @@ pub struct Help {
 }
 
 impl Help {
-    pub fn of_comparison(introduction: String) -> Self {
-        Self { comparison: Some(introduction), ..Self::default() }
-    }
-
     pub fn search(&self) -> &str {
         self.search.value()
     }
