@@ -139,7 +139,7 @@ pub struct Help {
     pub first: usize,
     /// The lines that fit on the screen.
     pub page: usize,
-    search: Input,
+    pub search: Input,
     pub searching: bool,
 }
 
