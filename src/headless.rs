@@ -354,11 +354,8 @@ fn run_interruptibly<T: Send + 'static>(
 }
 
 fn updates_per_second(trainer: &Trainer) -> f64 {
-    if trainer.seconds() > 0.0 {
-        trainer.counters().updates as f64 / trainer.seconds()
-    } else {
-        0.0
-    }
+    let seconds = trainer.seconds();
+    if seconds > 0.0 { trainer.counters().updates as f64 / seconds } else { 0.0 }
 }
 
 /// Default time between checkpoints.
@@ -417,8 +414,7 @@ impl CheckpointSaver {
     }
 }
 
-/// Returns the counters that identify a state of `trainer`: updates, environment steps,
-/// evaluations.
+/// Returns what identifies a state of `trainer`: its updates, environment steps and evaluations.
 fn state(trainer: &Trainer) -> (u64, u64, usize) {
     let counters = trainer.counters();
     (counters.updates, counters.env_steps, trainer.history().evaluations().len())

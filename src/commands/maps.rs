@@ -56,7 +56,8 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
     let converting = Waiting::on("converting the map");
     let mut grid = find_map(input, &Reading::from(&args.map), registry)?;
     if let Some(scenario) = &args.scen {
-        grid = with_tasks(&grid, map::load_scenario(scenario, &grid).map_err(from_map_error)?);
+        let tasks = map::read_scenario(scenario).and_then(|scenario| scenario.tasks(&grid));
+        grid = with_tasks(&grid, tasks.map_err(from_map_error)?);
     }
     let files = format.write(&grid, output);
     let warnings = warnings(&grid);

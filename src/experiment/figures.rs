@@ -138,7 +138,7 @@ fn jobs(
 ) -> Result<Vec<JobSpec>, Report> {
     let preset = entry.preset();
     let own = entry.set.iter().map(|text| (*text).to_owned());
-    let set: Vec<String> = own.chain(settings_of(entry.name, &options.set)).collect();
+    let set: Vec<String> = own.chain(settings_of(&[entry.name], &options.set)).collect();
     let world = entry.world(figure.world);
     let defaults = registry.world_opened_by(&world).map_or(&[][..], |kind| kind.defaults);
     let settings = settings_from(preset, &Overrides { defaults, config: None, set: &set })

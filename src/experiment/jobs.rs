@@ -6,7 +6,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
@@ -26,6 +26,7 @@ use crate::host::signals::TerminationSignal;
 use crate::host::values::{counts, output};
 use crate::host::waiting::duration;
 use gdg::files::check_writable;
+use gdg::job::Stopwatch;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
 use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingLoop};
@@ -458,12 +459,12 @@ impl Runner<'_> {
 struct JobsProgress {
     /// The share done of each job, and what of that earlier processes have done.
     shares: Mutex<Vec<[f64; 2]>>,
-    began: Instant,
+    began: Stopwatch,
 }
 
 impl JobsProgress {
     fn new(jobs: usize) -> Self {
-        Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Instant::now() }
+        Self { shares: Mutex::new(vec![[0.0; 2]; jobs]), began: Stopwatch::start() }
     }
 
     /// Records the share of a job that earlier processes have done.

@@ -5,7 +5,7 @@ use miette::{Report, miette};
 use serde_json::Value;
 
 use super::spec::setting_text;
-use crate::host::setup::{RunChoice, SettingsBase, split_prefix};
+use crate::host::setup::{RunChoice, SettingsBase, settings_of, split_prefix};
 use gdg::settings::SettingAblation;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, as_listed, list_settings};
 
@@ -94,12 +94,9 @@ pub fn variants(
     let mut all = Vec::new();
     for method in methods {
         for name in &names {
-            let is_own = |text: &&String| match split_prefix(text).0 {
-                Some(prefix) => prefix == method.name() || Some(prefix) == *name,
-                None => true,
-            };
-            let own = base.set.iter().filter(is_own).map(|text| split_prefix(text).1.to_owned());
-            let set: Vec<String> = own.collect();
+            let of_method = method.name();
+            let names: Vec<&str> = name.iter().copied().chain([&*of_method]).collect();
+            let set = settings_of(&names, &base.set);
             all.extend(sweeps.iter().map(|swept| JobVariant {
                 name: name.map(str::to_owned),
                 label: label(&method.name(), *name, swept),

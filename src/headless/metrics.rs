@@ -85,7 +85,7 @@ impl MetricsTable {
             return Err(in_use());
         }
         let is_there = setup.resumed.is_some() && path.exists();
-        let mut file = match is_there.then(|| go_on(path, &setup.trainer)) {
+        let mut file = match is_there.then(|| go_on(path, setup)) {
             None => create(path, overwrite)?,
             Some(Err(_)) if overwrite => create(path, true)?,
             Some(file) => file?,
@@ -129,13 +129,13 @@ impl MetricsTable {
 
 /// Opens the table of a resumed run for more rows, and cuts off those that the run will write
 /// again.
-fn go_on(path: &Path, trainer: &Trainer) -> Result<File, Report> {
+fn go_on(path: &Path, setup: &Setup) -> Result<File, Report> {
     refuse_existing(path, true)?;
     let unreadable = |error: std::io::Error| {
         miette!("{}: the table cannot be continued: {error}", path.display())
     };
     let table = files::read(path, MAX_BYTES).map_err(unreadable)?;
-    let kept = length_to_keep(&table, trainer).map_err(|why| {
+    let kept = length_to_keep(&table, setup).map_err(|why| {
         let help = "give --csv another name, or --overwrite to replace the file";
         miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
     })?;
@@ -169,13 +169,14 @@ fn losses(losses: [f32; LOSSES]) -> [String; LOSSES] {
     losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
 }
 
-/// Returns the length in bytes of the rows in `table` that the run of `trainer` had written when it
+/// Returns the length in bytes of the rows in `table` that the run in `setup` had written when it
 /// was saved. Later rows, and a last one that was cut off, are to be written again; if all are later,
 /// they may be another run's.
-fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
+fn length_to_keep(table: &[u8], Setup { trainer, limits, .. }: &Setup) -> Result<usize, String> {
     let (now, history) = (trainer.counters().updates, trainer.history());
-    // An evaluation may have followed the save.
-    let is_evaluated = history.evaluations().iter().any(|(updates, _)| *updates == now);
+    // An evaluation may have followed the save; one that ends the run is made again.
+    let is_evaluated = history.evaluations().iter().any(|(updates, _)| *updates == now)
+        && trainer.limit_reached(limits).is_none();
     let mut lines = table.split_inclusive(|byte| *byte == b'\n');
     let Some(first) = lines.next() else { return Ok(0) };
     let head = head();
@@ -189,9 +190,6 @@ fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
         let updates = cells.get(2).and_then(|cell| cell.parse::<u64>().ok());
         let updates = updates.filter(|_| cells.len() == head.split(',').count());
         let updates = updates.ok_or_else(|| format!("line {number} is not a row of one"))?;
-        if updates > now || updates == now && cells[0] == "evaluation" && !is_evaluated {
-            break;
-        }
         // The history is thinned: it knows the losses of some rows.
         let points = history.points();
         if let Ok(i) = points.binary_search_by_key(&updates, |point| point.updates)
@@ -199,10 +197,15 @@ fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<usize, String> {
         {
             return Err(format!("line {number} is of another run"));
         }
+        if updates > now && kept == first.len() {
+            return Err("all of its rows are later".to_owned());
+        }
+        if updates > now || updates == now && cells[0] == "evaluation" && !is_evaluated {
+            break;
+        }
         kept += line.len();
     }
-    let is_later = kept == first.len() && kept < table.len();
-    if is_later { Err("all of its rows are later".to_owned()) } else { Ok(kept) }
+    Ok(kept)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use indicatif::ProgressBar;
 
 use super::updates_per_second;
 use crate::host::waiting::{duration, progress_bar};
+use gdg::job::Stopwatch;
 use gdg::train::{Limits, Trainer};
 
 /// Parts that the bar is divided into.
@@ -19,7 +20,7 @@ pub struct Progress {
     bar: ProgressBar,
     limits: Limits,
     /// When this process began to train, and the seconds trained before.
-    began: (Instant, f64),
+    began: (Stopwatch, f64),
     shown: Option<Instant>,
 }
 
@@ -33,7 +34,7 @@ impl Progress {
             "{spinner} {msg}  {elapsed_precise}"
         };
         let bar = progress_bar(ends.then_some(BAR_PARTS as u64), template);
-        Self { bar, limits: *limits, began: (Instant::now(), seconds), shown: None }
+        Self { bar, limits: *limits, began: (Stopwatch::start(), seconds), shown: None }
     }
 
     /// Returns the estimated seconds until training ends, if that can be told. What is not training,

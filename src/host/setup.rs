@@ -93,11 +93,11 @@ pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
     }
 }
 
-/// Returns the settings in `set` that apply to the run called `name`, without their prefixes.
-pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
+/// Returns the settings in `set` that apply to a run with these `names`, without their prefixes.
+pub fn settings_of(names: &[&str], set: &[String]) -> Vec<String> {
     let split = set.iter().map(|setting| split_prefix(setting));
     split
-        .filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name))
+        .filter(|(prefix, _)| prefix.is_none_or(|prefix| names.contains(&prefix)))
         .map(|(_, own)| own.to_owned())
         .collect()
 }

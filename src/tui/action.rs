@@ -74,6 +74,9 @@ pub enum Action {
 /// What can be done with a list of runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ListAction {
+    /// Selects a run by its row, or moves the selection by pages.
+    Select(usize),
+    Page(isize),
     Mark,
     Filter,
     Sort,

@@ -9,7 +9,7 @@ use crossterm::event::{
 use ratatui::Frame;
 use ratatui::layout::Position;
 
-use super::action::{Action, Mode};
+use super::action::{Action, Binding, Mode, binding_of};
 use super::compare::Comparison;
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw, TerminalPicture};
@@ -100,11 +100,14 @@ impl App {
         }
     }
 
-    /// Performs an action.
     pub fn act(&mut self, action: Action) {
+        binding_of(action).into_iter().for_each(|binding| self.perform(binding));
+    }
+
+    fn perform(&mut self, binding: &Binding) {
         match &mut self.base {
-            Base::Run(session) => session.act(action),
-            Base::Comparison(comparison) => comparison.act(action),
+            Base::Run(session) => binding.perform(session),
+            Base::Comparison(comparison) => comparison.perform(binding),
         }
     }
 
@@ -118,9 +121,9 @@ impl App {
             single = Some(if comparison.is_editing() { Mode::Editing } else { Mode::Watching });
         }
         let keymap = &self.first().screen.keymap;
-        let of = |mode| keymap.action(key, mode);
-        if let Some(action) = of(mode).or_else(|| single.and_then(of)) {
-            return self.act(action);
+        let of = |mode| keymap.binding(key, mode);
+        if let Some(binding) = of(mode).or_else(|| single.and_then(of)) {
+            return self.perform(binding);
         }
         let is_editing = matches!(mode, Mode::Editing | Mode::EditingBoth);
         let place = if is_editing { "in the editor" } else { "here" };

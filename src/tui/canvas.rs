@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use gdg::draw::{Raster, TextPixel, paint_text, positions_along, text_size};
+use gdg::draw::{Raster, TextPixel, paint_text, text_size, trace};
 use gdg::map::Cell;
 
 use super::theme::{Rgb, Theme, blend, contour, ink};
@@ -14,9 +14,6 @@ const CAPITAL_SHARE: f32 = 0.62;
 
 /// Black outlines make signs stand out on any ground in pictures.
 const SHADOW: Rgb = (0, 0, 0);
-
-/// Lines are painted in pieces of this length, in pixels, to look only at pixels near them.
-const PIECE: f32 = 16.0;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Ink {
@@ -164,50 +161,8 @@ impl Canvas {
 
     /// Covers the pixels within `radius` of a line between pixels, and those that it passes.
     fn trace(&mut self, ends: [[f32; 2]; 2], radius: f32) {
-        let [from, to] = ends;
-        let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-        if !self.is_fine {
-            for at in positions_along(ends, longer.ceil().clamp(1.0, 1e5) as usize) {
-                if let Some(i) = self.index(at) {
-                    self.cover(i, u8::MAX);
-                }
-            }
-            if radius <= 0.5 * self.aspect().max(1.0) {
-                return;
-            }
-        }
-        let aspect = self.aspect();
-        let (columns, rows) = self.raster.pixels;
-        let pieces: Vec<[f32; 2]> =
-            positions_along(ends, (longer / PIECE).ceil().clamp(1.0, 1e4) as usize).collect();
-        let span = |a: f32, b: f32, radius: f32, count: usize| {
-            let (low, high) = (a.min(b) - radius - 0.5, a.max(b) + radius + 1.5);
-            (low.max(0.0) as usize).min(count)..(high.max(0.0) as usize).min(count)
-        };
-        for ends in pieces.windows(2) {
-            let ([x, y], end) = (ends[0], ends[1]);
-            let along = [aspect * (end[0] - x), end[1] - y];
-            let squared = along[0] * along[0] + along[1] * along[1];
-            for row in span(y, end[1], radius, rows) {
-                for column in span(x, end[0], radius / aspect, columns) {
-                    let at = [aspect * (column as f32 + 0.5 - x), row as f32 + 0.5 - y];
-                    let share = if squared > 0.0 {
-                        ((at[0] * along[0] + at[1] * along[1]) / squared).clamp(0.0, 1.0)
-                    } else {
-                        0.0
-                    };
-                    let off = (at[0] - share * along[0]).hypot(at[1] - share * along[1]);
-                    let covered = if self.is_fine {
-                        (255.0 * (radius + 0.5 - off).clamp(0.0, 1.0)) as u8
-                    } else {
-                        u8::from(off <= radius) * u8::MAX
-                    };
-                    if covered > 0 {
-                        self.cover(row * columns + column, covered);
-                    }
-                }
-            }
-        }
+        let (pixels, aspect, is_fine) = (self.raster.pixels, self.aspect(), self.is_fine);
+        trace(ends, radius, pixels, aspect, is_fine, |i, share| self.cover(i, share));
     }
 
     fn apply(&mut self, ink: Ink) {

@@ -19,7 +19,7 @@ use miette::{IntoDiagnostic, Report};
 use ratatui::Frame;
 use ratatui::layout::Position;
 
-use super::action::{Action, Both, Mode, binding_of};
+use super::action::{Action, Binding, Both, Mode, binding_of};
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog, Help};
 use super::interface::ClosedRun;
@@ -231,12 +231,11 @@ impl Comparison {
 /// What actions and the mouse do: the same on both sides.
 impl Comparison {
     /// Performs an action, or says why comparisons do not have it.
-    pub fn act(&mut self, action: Action) {
-        let Some(binding) = binding_of(action) else { return };
+    pub fn perform(&mut self, binding: &Binding) {
         match binding.both {
-            Both::Each => self.both(action),
-            Both::First => self.sessions[0].act(action),
-            Both::Own(act) => act(self, action),
+            Both::Each => self.both(binding.action),
+            Both::First => binding.perform(&mut self.sessions[0]),
+            Both::Own(act) => act(self, binding.action),
             Both::Refused => {
                 let what = self.sessions[0].scene.wording(binding);
                 let what = what.split(" (").next().unwrap_or(what);
@@ -251,7 +250,9 @@ impl Comparison {
             self.notify(&notice);
         }
         match choice {
-            Some(Choice::Act(action)) => self.act(*action),
+            Some(Choice::Act(action)) => {
+                binding_of(*action).into_iter().for_each(|binding| self.perform(binding));
+            }
             Some(Choice::Field(field)) => {
                 self.sessions.iter_mut().for_each(|session| time::leave_past(session));
                 self.show_field(*field);

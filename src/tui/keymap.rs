@@ -64,10 +64,13 @@ impl Keymap {
     }
 
     pub fn action(&self, key: KeyEvent, mode: Mode) -> Option<Action> {
+        self.binding(key, mode).map(|binding| binding.action)
+    }
+
+    pub fn binding(&self, key: KeyEvent, mode: Mode) -> Option<&'static Binding> {
         let key = normalised(KeyCombination::from(key));
-        let of = |mode| {
-            self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action)
-        };
+        let of =
+            |mode| self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| *b);
         // The keys of the tour take precedence; the others stay active.
         of(mode).or_else(|| (mode == Mode::Touring).then(|| of(Mode::Watching)).flatten())
     }

@@ -22,7 +22,6 @@ pub(super) mod help;
 mod hint;
 pub(super) mod pane_chart;
 mod side;
-mod training;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};

@@ -238,18 +238,8 @@ impl RunsScreen {
         } else if let Some(action) = action {
             self.act(action);
         } else {
-            let page = isize::from(self.places.layout.rows.0.height as i16).max(1);
-            match key.code {
-                KeyCode::PageUp => self.list.step(-page),
-                KeyCode::PageDown => self.list.step(page),
-                KeyCode::Home | KeyCode::Char('g') => self.list.select(0),
-                KeyCode::End | KeyCode::Char('G') => self.list.select(usize::MAX),
-                _ => {
-                    let (key, help) = (keymap::name_of(key), self.keymap.key_of(Action::Help));
-                    self.log
-                        .show(&format!("{key} does nothing here: {help} lists all keys"), false);
-                }
-            }
+            let (key, help) = (keymap::name_of(key), self.keymap.key_of(Action::Help));
+            self.log.show(&format!("{key} does nothing here: {help} lists all keys"), false);
         }
     }
 
@@ -281,10 +271,14 @@ impl RunsScreen {
     fn act_on_list(&mut self, action: ListAction) {
         let (measure, axis) = self.curves;
         match action {
+            ListAction::Select(row) => self.list.select(row),
+            ListAction::Page(pages) => {
+                let rows = isize::try_from(self.places.layout.rows.0.height).unwrap_or(1).max(1);
+                self.list.step(pages * rows);
+            }
+            ListAction::Mark if self.list.toggle_mark() => {}
             ListAction::Mark => {
-                if !self.list.toggle_mark() {
-                    self.log.show("each letter marks a run already: unmark one first", true);
-                }
+                self.log.show("each letter marks a run already: unmark one first", true);
             }
             ListAction::Filter => self.is_typing = true,
             ListAction::Sort => self.list.sort_by((self.list.order.0 + 1) % COLUMNS.len()),

@@ -240,8 +240,8 @@ impl Scene {
         &self.view().graph
     }
 
-    pub fn overlays(&self) -> impl Iterator<Item = Overlay> {
-        legend::overlays(&**self)
+    pub fn overlays(&self, screen: &Screen) -> impl Iterator<Item = Overlay> {
+        legend::overlays(&**self, screen)
     }
 
     pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {

@@ -4,13 +4,14 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::action::Action;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::graphics::{Graphics, Redraw};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::Log;
-use super::overlay::Overlays;
+use super::overlay::{Overlay, Overlays};
 use super::panes::Pane;
 use super::theme::{ColourDepth, Theme};
 use crate::tui::marker::Marker;
@@ -136,6 +137,21 @@ impl Screen {
 
     pub fn run(&self) -> &Run {
         &self.snapshot.run
+    }
+
+    /// Says why an overlay cannot be shown, if it cannot.
+    pub fn why_not(&self, overlay: Overlay) -> Option<String> {
+        let method = &self.run().method;
+        match overlay {
+            Overlay::Contours if self.theme.depth == ColourDepth::Mono => {
+                Some("contour lines need colours: here shades show distances".to_owned())
+            }
+            overlay if overlay.needs_bridges() && !method.plans() => {
+                let (key, name) = (self.keymap.key_of(Action::Method), method.name());
+                Some(format!("{name} has no bridges: press {key} to choose another method"))
+            }
+            _ => None,
+        }
     }
 
     /// Shows a notice and logs it.

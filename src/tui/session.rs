@@ -14,14 +14,14 @@ pub mod view;
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::Frame;
 use ratatui::layout::Position;
 use tokio::sync::watch;
 
-use super::action::{Action, Binding, Mode, binding_of};
+use super::action::{Action, Mode, binding_of};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::interface::TerminalRequest;
@@ -200,30 +200,7 @@ impl Session {
     }
 
     pub fn act(&mut self, action: Action) {
-        let Some(binding) = binding_of(action) else { return };
-        if !self.scene.offers(action) {
-            return self.refuse(binding);
-        }
-        if binding.is_about_present {
-            time::leave_past(self);
-        }
-        let (began, dialogs) = (Instant::now(), self.screen.dialogs.len());
-        (binding.run)(self, action);
-        if self.screen.dialogs.len() > dialogs {
-            // An error that was there before says nothing about the new dialog.
-            self.screen.log.dismiss_before(began);
-        }
-        self.thaw();
-    }
-
-    fn refuse(&mut self, binding: &Binding) {
-        let title = self.scene.title(&self.screen.snapshot);
-        let text = match binding.action {
-            Action::Projection | Action::Alone => format!("{title} has one view"),
-            Action::ToggleEdit => format!("{title} cannot be edited"),
-            _ => format!("{title} has no map, which \"{}\" is for", binding.name),
-        };
-        self.screen.notify(&text);
+        binding_of(action).into_iter().for_each(|binding| binding.perform(self));
     }
 
     /// Performs an action on the goal, after which nobody needs a hint how to set it.

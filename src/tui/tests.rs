@@ -374,7 +374,7 @@ pub(super) fn press(app: &mut (impl Driven + ?Sized), code: KeyCode) {
     press_with(app, code, KeyModifiers::NONE);
 }
 
-fn press_with(app: &mut (impl Driven + ?Sized), code: KeyCode, modifiers: KeyModifiers) {
+pub fn press_with(app: &mut (impl Driven + ?Sized), code: KeyCode, modifiers: KeyModifiers) {
     app.event(&Event::Key(KeyEvent::new(code, modifiers)));
 }
 

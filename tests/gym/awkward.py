@@ -157,6 +157,8 @@ class Simulator(Point):
         time.sleep(1000)
 
     def close(self):
+        # All of them together take longer than they have.
+        time.sleep(0.5)
         self.note("closed")
         self.simulator.kill()
 
@@ -245,6 +247,13 @@ class Tasks(Point):
 
     def step(self, action):
         return (self.observed(), *super().step(action)[1:])
+
+
+class Aimless(Tasks):
+    """Its goals have no components."""
+
+    def reset(self, seed=None, options=None):
+        return super().reset(seed=seed, options=options)[0], {"goal": []}
 
 
 class Maze(Tasks):

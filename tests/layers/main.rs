@@ -18,7 +18,7 @@ const LIBRARY: [Room; 15] = [
     ("text", 500),
     ("printing", 300),
     ("faults", 130),
-    ("job", 300),
+    ("job", 360),
     ("files", 900),
     ("store", 300),
     ("settings", 400),
@@ -27,9 +27,9 @@ const LIBRARY: [Room; 15] = [
     ("learn", 8_300),
     ("bridge", 3_300),
     ("train", 6_750),
-    ("engine", 1_250),
-    ("draw", 800),
-    ("viewer", 1_650),
+    ("engine", 1_220),
+    ("draw", 820),
+    ("viewer", 1_620),
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.
@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 850),
     ("headless", 900),
     ("experiment", 5_460),
-    ("tui", 19_700),
+    ("tui", 19_680),
     ("cli", 650),
     ("commands", 1_000),
 ];

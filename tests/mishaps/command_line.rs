@@ -154,6 +154,10 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         "run.safetensors",
     ]));
     let part = folder.path().join("part.csv");
+    let rows = without_times(&part);
+    // A run that has ended is only evaluated again.
+    run(&with(&["--resume", "run.safetensors", "--max-updates", "1000", "--csv", "part.csv"]));
+    assert_eq!(without_times(&part), rows);
     let (whole, saved) = (
         std::fs::read_to_string(folder.path().join("whole.csv")).unwrap(),
         std::fs::read_to_string(&part).unwrap(),

@@ -110,6 +110,22 @@ fn a_limit_of_cpu_time_saves_the_run() {
 }
 
 #[test]
+fn a_stop_of_the_program_is_no_training_time() {
+    let (folder, began, stop) = (folder(), Instant::now(), Duration::from_secs(5));
+    let args = ["trap", "--max-updates", "1000", "--eval-tasks", "1"];
+    let mut run = RunningProgram::start(&mut headless(folder.path(), &args));
+    run.wait_for("start");
+    kill(run.child.id(), "STOP");
+    std::thread::sleep(stop);
+    kill(run.child.id(), "CONT");
+    let mut rest = String::new();
+    run.out.read_to_string(&mut rest).unwrap();
+    let seconds = events(&rest).last().unwrap()["seconds"].as_f64().unwrap();
+    let most = began.elapsed().as_secs_f64() - stop.as_secs_f64() + 1.5;
+    assert!(run.child.wait().unwrap().success() && seconds < most, "{seconds} of {most}");
+}
+
+#[test]
 fn sigquit_ends_the_program_at_once() {
     let folder = folder();
     let program = headless(folder.path(), &["trap", "--save", "kept.safetensors"]);

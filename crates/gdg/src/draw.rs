@@ -8,7 +8,7 @@ use colorous::Gradient;
 
 pub use contour::{ContourPath, contour_interval, contour_paths};
 pub use picture::{Picture, TextPixel, has_letter, paint_text, text_size};
-pub use raster::{Raster, RasterPixel};
+pub use raster::{Raster, RasterPixel, trace};
 
 /// Red, green, blue.
 pub type Rgb = (u8, u8, u8);

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use crate::env::EnvError;
-use crate::job::{Job, Running};
+use crate::job::{Job, Running, Stopwatch};
 use crate::text::grouped;
 use crate::train::{
     Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Tick, TrainError,
@@ -50,9 +50,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Time without progress after which a stopping trainer counts as hung. Updates of the largest
 /// networks, edits of the largest maps and slow disks take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
-
-/// The longest that one look at a stopping trainer counts for.
-const LONGEST_WAIT: Duration = Duration::from_secs(1);
 
 /// Niceness of the training threads relative to the front end: with this value, a thread gets about
 /// a tenth of a contended core.
@@ -159,17 +156,14 @@ impl Engine {
         let job = self.job().clone();
         drop(self.link);
         job.cancel();
-        let (mut beats, mut still) = (job.beats(), Duration::ZERO);
+        let (mut beats, mut still) = (job.beats(), Stopwatch::start());
         while !self.thread.is_finished() {
-            let (now, began) = (job.beats(), Instant::now());
             std::thread::sleep(Duration::from_millis(2));
-            // A longer wait: this program was stopped meanwhile, and so was its trainer.
-            let waited = began.elapsed().min(LONGEST_WAIT);
-            still = if now == beats { still + waited } else { Duration::ZERO };
-            if still > hung_after {
+            if job.beats() != beats {
+                (beats, still) = (job.beats(), Stopwatch::start());
+            } else if still.elapsed() > hung_after {
                 return None;
             }
-            beats = now;
         }
         self.thread.join().ok()
     }

@@ -2,6 +2,8 @@
 
 #![allow(missing_docs, reason = "documented where names and types do not say it")]
 
+mod stopwatch;
+
 use std::borrow::Cow;
 use std::fmt;
 use std::ops::Deref;
@@ -13,6 +15,7 @@ use std::time::{Duration, Instant};
 use parking_lot::Mutex;
 
 use crate::faults;
+pub use stopwatch::Stopwatch;
 
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
 

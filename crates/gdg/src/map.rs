@@ -21,7 +21,7 @@ pub use formats::{FORMATS, MapFormat, fingerprint, print_ascii, print_movingai};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, MapScale, is_size, size_limits};
 pub use load::{
     BUILTIN, Reading, agents_of, builtin, format_for, load_map, load_map_as, load_map_like,
-    load_scenario, parse_map, read_scenario,
+    parse_map, read_scenario,
 };
 pub use ogbench::Ogbench;
 pub use points::{Diameter, PointSearch};

@@ -9,8 +9,8 @@ use gdg::env::{EnvSettings, Environment, Evaluated, PointMaze};
 use gdg::job::Job;
 use gdg::map::{
     Cell, Components, Diameter, FORMATS, Grid, MapScale, PointSearch, RandomMapKind, Reading,
-    ScenarioTask, load_map, load_map_as, load_map_like, load_scenario, parse_map, print_ascii,
-    random,
+    ScenarioTask, load_map, load_map_as, load_map_like, parse_map, print_ascii, random,
+    read_scenario,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -41,7 +41,9 @@ fn plain() -> Grid {
 fn every_valid_file_is_read() {
     for path in folder("valid") {
         if is_scenario(&path) {
-            let tasks = load_scenario(&path, &plain()).unwrap_or_else(|e| panic!("{e}"));
+            let tasks = read_scenario(&path)
+                .and_then(|read| read.tasks(&plain()))
+                .unwrap_or_else(|e| panic!("{e}"));
             assert_eq!((tasks[0].start, tasks[0].goal), (Cell::new(0, 0), Cell::new(2, 2)));
         } else {
             let grid = load_map(&path).unwrap_or_else(|e| panic!("{e}"));
@@ -71,7 +73,7 @@ fn every_invalid_file_gets_the_expected_error() {
     for path in folder("invalid") {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let error = if is_scenario(&path) {
-            load_scenario(&path, &plain()).map(|_| ()).expect_err(&name)
+            read_scenario(&path).and_then(|read| read.tasks(&plain())).map(|_| ()).expect_err(&name)
         } else {
             load_map(&path).map(|_| ()).expect_err(&name)
         };
@@ -299,7 +301,7 @@ fn agents_of_a_planner_s_map_are_tasks_on_it_at_any_scale() {
     let map = load_map_as(&file, &Reading { scale, ..Reading::default() }).unwrap();
     assert_eq!((map.width(), map.height(), map.scale()), (20, 20, scale));
     for (map, to) in [(maze(&['S', 'G', 'C']), 1_usize), (map, 4)] {
-        let tasks = load_scenario(&file, &map).unwrap();
+        let tasks = read_scenario(&file).and_then(|read| read.tasks(&map)).unwrap();
         let cells: Vec<[Cell; 2]> = tasks.iter().map(|task| [task.start, task.goal]).collect();
         let at = |x, y| Cell::new(to * x + to / 2, to * y + to / 2);
         assert_eq!(cells, [[at(1, 1), at(3, 3)], [at(3, 2), at(1, 3)]]);

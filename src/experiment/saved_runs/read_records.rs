@@ -1,7 +1,7 @@
 //! Reads records of runs, one JSON object per line; and joins what was read from several files of
 //! one run.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::{BufRead, Read};
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
@@ -280,6 +280,16 @@ impl SavedRun {
             && fingerprints.is_none_or(|(own, other)| own == other);
         (&self.method, &self.settings, self.seed) == (&other.method, &other.settings, other.seed)
             && (has_same_map || self.is_edited() || other.is_edited())
+    }
+
+    /// Whether an evaluation of both was the same, at the same time: settings may have changed since.
+    pub fn is_of_one_run(&self, other: &Self) -> bool {
+        // Records round times.
+        let moments = |run: &Self| -> HashSet<(u64, u64, u64)> {
+            let at = run.evaluations.iter();
+            at.map(|at| (at.updates, at.env_steps, (1_000.0 * at.seconds).round() as u64)).collect()
+        };
+        !moments(self).is_disjoint(&moments(other))
     }
 
     /// Whether its map was edited while it trained.

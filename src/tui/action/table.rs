@@ -1,4 +1,6 @@
-//! The table of all actions.
+//! The table of all actions, and how a row of it is performed.
+
+use std::time::Instant;
 
 use super::{Action as A, Binding, Both, ListAction, Mode, Section};
 use crate::tui::compare::Comparison;
@@ -9,7 +11,6 @@ use crate::tui::lists;
 use crate::tui::overlay::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::session::{Session, change_run, disk, saving, time, view};
-
 use crate::tui::tool::Tool;
 use gdg::engine::Step;
 
@@ -82,6 +83,29 @@ const fn on_runs(action: ListAction, name: &'static str, keys: &'static [&'stati
 }
 
 impl Binding {
+    /// Does it to a run, or says why its scene does not have it.
+    pub fn perform(&self, session: &mut Session) {
+        if !session.scene.offers(self.action) {
+            let title = session.scene.title(&session.screen.snapshot);
+            let text = match self.action {
+                A::Projection | A::Alone => format!("{title} has one view"),
+                A::ToggleEdit => format!("{title} cannot be edited"),
+                _ => format!("{title} has no map, which \"{}\" is for", self.name),
+            };
+            return session.screen.notify(&text);
+        }
+        if self.is_about_present {
+            time::leave_past(session);
+        }
+        let (began, dialogs) = (Instant::now(), session.screen.dialogs.len());
+        (self.run)(session, self.action);
+        if session.screen.dialogs.len() > dialogs {
+            // An error that was there before says nothing about the new dialog.
+            session.screen.log.dismiss_before(began);
+        }
+        session.thaw();
+    }
+
     const fn help(self, long: &'static str) -> Self {
         Self { long, ..self }
     }
@@ -414,4 +438,8 @@ const RUNS: &[Binding] = &[
     on_runs(ListAction::Reverse, "reverse-runs", &["shift-s"]).help("reverse the order"),
     on_runs(ListAction::Delete, "delete-runs", &["delete", "shift-d"])
         .help("delete the files of the marked runs, or of the selected one; asks first"),
+    on_runs(ListAction::Page(-1), "runs-page-up", &["pageup"]).help("a page up"),
+    on_runs(ListAction::Page(1), "runs-page-down", &["pagedown"]).help("a page down"),
+    on_runs(ListAction::Select(0), "first-run", &["home", "g"]).help("the first run"),
+    on_runs(ListAction::Select(usize::MAX), "last-run", &["end", "shift-g"]).help("the last run"),
 ];

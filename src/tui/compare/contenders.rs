@@ -203,7 +203,7 @@ fn begin(
 ) -> Result<Contestant, Report> {
     let side = letter.to_string();
     let preset = registry.preset_of(method);
-    let set = setup::settings_of(&side, &options.set);
+    let set = setup::settings_of(&[&side], &options.set);
     let settings = settings_from(preset, &Overrides { set: &set, ..Overrides::default() })
         .map_err(from_config_error)?;
     let seed = options.seed.or(beside.map(|(_, seed)| *seed)).unwrap_or(0);

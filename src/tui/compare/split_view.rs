@@ -238,8 +238,8 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
             |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), value(e)?));
         evaluations.filter_map(point).collect()
     };
-    // Without colours, other characters tell the sides apart: the second one is dotted.
-    let marker = if mono && own == 1 { Marker::Custom('\u{2022}') } else { Marker::Braille };
+    // Without colours, other characters tell the curves apart.
+    let marker = curves::marker(&screen.theme, own);
     let style = if mono { Style::new() } else { curves::colour(&screen.theme, own) };
     // Not every terminal draws colours faintly by itself.
     let page = screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
@@ -252,14 +252,14 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
     let actor = PaneCurve {
         name: "greedy".to_owned(),
         style: faint,
-        marker,
+        marker: curves::marker(&screen.theme, own + LETTERS.len()),
         points: points(&|e| e.greedy.success),
     };
     if run.method.plans() {
         let planned = points(&|e| e.planned.as_ref()?.success);
         vec![PaneCurve { name, style: style.patch(BOLD), marker, points: planned }, actor]
     } else {
-        vec![PaneCurve { name, style: style.patch(BOLD), ..actor }]
+        vec![PaneCurve { name, style: style.patch(BOLD), marker, ..actor }]
     }
 }
 
@@ -270,11 +270,8 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let now =
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
-    let names = all.iter().map(|curve| {
-        Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style)
-    });
     let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
-    let lines = pane_chart::heading(&title, names, area.width);
+    let lines = pane_chart::heading(&title, all.iter().map(PaneCurve::label), area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     layout.add(head, Click::Act(Action::Axis));

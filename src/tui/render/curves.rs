@@ -149,11 +149,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
     let marks = marks(screen, x);
     let names = plot.curves.iter().filter(|curve| !curve.name.is_empty());
     let names = names.filter(|curve| !curve.points.is_empty());
-    let mut names: Vec<Span> = names
-        .map(|curve| {
-            Span::styled(format!("  {} {}", symbol(curve.marker), curve.name), curve.style)
-        })
-        .collect();
+    let mut names: Vec<Span> = names.map(PaneCurve::label).collect();
     if plot.max.is_some() {
         let mut of_marks: Vec<&str> = marks.iter().map(|(_, name)| &**name).collect();
         of_marks.dedup();
@@ -257,13 +253,6 @@ pub fn marker(theme: &Theme, i: usize) -> Marker {
     match ['\u{2500}', '\u{2022}', '+', 'x', 'o', '*'][number % 6] {
         sign if number > 0 => Marker::Custom(sign),
         _ => Marker::Braille,
-    }
-}
-
-pub fn symbol(marker: Marker) -> char {
-    match marker {
-        Marker::Custom(sign) => sign,
-        _ => '\u{2500}',
     }
 }
 

@@ -70,7 +70,7 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     if !below.is_empty() {
         let text = text_below(picker, columns, labels);
         let text = first_lines(text, usize::from(below.height) - 1, columns);
-        let text: Vec<Line> = text.into_iter().map(Line::from).collect();
+        let text: Vec<Line> = text.into_iter().map(|row| Line::from(format!(" {row}"))).collect();
         frame.render_widget(Paragraph::new(text).block(Block::new().borders(Borders::TOP)), below);
     }
     layout.rows = (list, first);
@@ -135,16 +135,17 @@ fn text_below(picker: &Picker, columns: usize, labels: usize) -> Vec<String> {
     picker.item().map_or(Vec::new(), |item| full_text(item, columns))
 }
 
-/// Returns everything about an item, in rows of `columns`.
+/// Returns everything about an item, in rows of `columns` with a blank on either side.
 fn full_text(item: &Item, columns: usize) -> Vec<String> {
+    let columns = columns.saturating_sub(2).max(1);
     if item.below.is_empty() && item.detail.is_empty() {
-        return wrapped(&item.label, columns.max(1));
+        return wrapped(&item.label, columns);
     }
     if item.below.is_empty() {
         let key = item.key.map_or(String::new(), |key| format!("{key} "));
-        return wrapped(&format!("{key}{}: {}", item.label, item.detail), columns.max(1));
+        return wrapped(&format!("{key}{}: {}", item.label, item.detail), columns);
     }
-    item.below.iter().flat_map(|line| wrapped(line, columns.max(1))).collect()
+    item.below.iter().flat_map(|line| wrapped(line, columns)).collect()
 }
 
 fn row_line(row: &PickerRow, labels: usize, columns: usize) -> Line<'static> {
@@ -160,10 +161,13 @@ fn row_line(row: &PickerRow, labels: usize, columns: usize) -> Line<'static> {
     let rest = room_beside(item, labels, columns);
     let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
     let most = columns.saturating_sub(LABEL_MARGIN + key);
+    // A question has all of what does not fit below its rows.
+    let detail =
+        if item.key.is_some() && display_width(&item.detail) > rest { "" } else { &item.detail };
     let text = Line::from(vec![
         Span::styled(sign, BOLD),
         Span::raw(format!("{}  ", padded(&fitted(&item.label, most), labels))),
-        Span::styled(padded(&fitted(&item.detail, rest), rest), DIM),
+        Span::styled(padded(&fitted(detail, rest), rest), DIM),
     ]);
     text.style(if *selected { REVERSED } else { Style::new() })
 }

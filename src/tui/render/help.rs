@@ -7,7 +7,8 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
-use super::{middle, training, without_slivers};
+use super::side::training;
+use super::{middle, without_slivers};
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::keymap::Keymap;

@@ -22,6 +22,12 @@ pub struct PaneCurve {
 }
 
 impl PaneCurve {
+    /// Returns its sign and its name, for a heading.
+    pub fn label(&self) -> Span<'static> {
+        let sign = if let Marker::Custom(sign) = self.marker { sign } else { '\u{2500}' };
+        Span::styled(format!("  {sign} {}", self.name), self.style)
+    }
+
     pub fn line(&self) -> ChartLine<'_> {
         let Self { style, marker, points, .. } = self;
         ChartLine { style: *style, marker: *marker, points }
@@ -70,7 +76,8 @@ pub fn draw<'a>(
     let inner = lines_area(area, &x.map(short), &y_labels);
     let set = |line: ChartLine<'a>| {
         // A single fine dot would be hard to see.
-        let marker = if line.points.len() == 1 { Marker::Dot } else { line.marker };
+        let is_dot = line.points.len() == 1 && line.marker == Marker::Braille;
+        let marker = if is_dot { Marker::Dot } else { line.marker };
         let set = Dataset::default().marker(marker).graph_type(GraphType::Line);
         set.style(line.style).data(line.points)
     };

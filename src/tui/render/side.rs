@@ -1,13 +1,15 @@
 //! The panel beside the map: the names of its panes, the selected pane, and more panes if there is
 //! room.
 
+pub mod training;
+
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::{ScreenPainter, curves, training};
+use super::{ScreenPainter, curves};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wrapped};
@@ -121,27 +123,34 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
         }
     }
     if pane == Pane::Legend {
-        let rows = inner.rows().skip(FIRST_OVERLAY).zip(scene.overlays());
+        let rows = inner.rows().skip(FIRST_OVERLAY).zip(scene.overlays(screen));
         clicks.extend(rows.map(|(row, overlay)| (row, Action::Toggle(overlay))));
     }
     clicks.push((Rect { height: 1, ..area }, Action::Show(pane)));
     clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
-/// Draws the names of the panes with their keys, closer together or cut if room is short.
+/// Draws the names of the panes with their keys: closer together where room is short, or only the
+/// keys of those that are not selected.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
     });
-    let formats: [fn(&str, &str) -> String; 4] = [
-        |key, name| format!(" {key} {name} "),
-        |key, name| format!("{key} {name} "),
-        |key, name| format!("{key}{name} "),
-        |key, name| format!("{key}{name:.4} "),
+    let formats: [fn(&str, &str, bool) -> String; 4] = [
+        |key, name, _| format!(" {key} {name} "),
+        |key, name, _| format!("{key} {name} "),
+        |key, name, _| format!("{key}{name} "),
+        |key, name, chosen| if chosen { format!(" {key} {name} ") } else { format!(" {key} ") },
     ];
-    let texts = formats.map(|format| tabs.each_ref().map(|(key, name)| format(key, name)));
+    let text = |format: fn(&str, &str, bool) -> String| {
+        Pane::ALL.map(|pane| {
+            let (key, name) = &tabs[pane as usize];
+            format(key, name, pane == screen.pane)
+        })
+    };
+    let texts = formats.map(text);
     // The trailing blank may be cut off.
     let fits = |texts: &&[String; Pane::ALL.len()]| {
         texts.iter().map(|text| Line::raw(text).width()).sum::<usize>()

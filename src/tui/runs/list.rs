@@ -213,19 +213,18 @@ impl List {
 fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> {
     // What the records of a run name may have been replaced since.
     let is_own = |run: &SavedRun, path: &Path| {
-        run.kind != RunKind::Records || file(path).iter().flatten().all(|found| found.is_same(run))
+        let is_same = |found: &SavedRun| found.is_same(run) || found.is_of_one_run(run);
+        run.kind != RunKind::Records || file(path).iter().flatten().all(is_same)
     };
-    let checkpoint = |run: &SavedRun| match &run.checkpoint {
-        Some(path) if path.is_file() && is_own(run, path) => Ok(path.clone()),
-        found => {
-            let why = match found {
-                Some(path) if path.is_file() => format!("{} is another run's", path.display()),
-                Some(path) => format!("{} is gone", path.display()),
-                None if run.is_damaged() => "it cannot be read".to_owned(),
-                None => "it has no checkpoint".to_owned(),
-            };
-            Err(format!("{} cannot be resumed: {why}", name(&run.source)))
-        }
+    let checkpoint = |run: &SavedRun| {
+        let why = match &run.checkpoint {
+            Some(path) if !path.is_file() => format!("{} is gone", path.display()),
+            Some(path) if !is_own(run, path) => format!("{} is another run's", path.display()),
+            Some(path) => return Ok(path.clone()),
+            None if run.is_damaged() => "it cannot be read".to_owned(),
+            None => "it has no checkpoint".to_owned(),
+        };
+        Err(format!("{} cannot be resumed: {why}", name(&run.source)))
     };
     let is_growing = is_growing(run) || beside.is_some_and(|run| is_growing(run));
     let warning = is_growing.then(|| {
@@ -278,6 +277,27 @@ mod tests {
 
     fn names(list: &List) -> String {
         list.shown().map(|run| run.source.to_string_lossy()[..1].to_owned()).collect()
+    }
+
+    #[test]
+    fn a_checkpoint_is_resumed_unless_another_run_has_replaced_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("kept.jsonl");
+        let mut run = saved("a.jsonl", "trap", "gdg", 1, &[0.5]);
+        (run.kind, run.checkpoint) = (RunKind::Records, Some(path.clone()));
+        let resumed = |seed: u64, hidden: u64, updates: u64| {
+            let start = serde_json::json!({"event": "start", "world": "trap", "method": "gdg",
+                "preset": "default", "settings": {"hidden": hidden}, "seed": seed});
+            let mut found = serde_json::json!(run.evaluations[0]);
+            (found["event"], found["updates"]) = ("evaluation".into(), updates.into());
+            std::fs::write(&path, format!("{start}\n{found}\n")).expect("a file");
+            wish(&run, None).map(|wish| wish.file)
+        };
+        assert_eq!(resumed(1, 16, 900), Ok(path.clone()));
+        assert_eq!(resumed(1, 32, 1_000), Ok(path.clone()), "its settings were changed");
+        for other in [resumed(2, 16, 900), resumed(1, 32, 900)] {
+            assert!(other.is_err_and(|why| why.contains("is another run's")));
+        }
     }
 
     #[test]

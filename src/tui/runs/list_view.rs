@@ -256,9 +256,12 @@ fn draw_curves(
         }
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
-    let names = all.iter().map(|curve| Span::styled(format!("  {}", curve.name), curve.style));
     let title = format!(" {} over {}", measure.label(), axis.label());
-    let heading = pane_chart::heading(&Span::styled(title, BOLD), names, area.width);
+    let heading = pane_chart::heading(
+        &Span::styled(title, BOLD),
+        all.iter().map(PaneCurve::label),
+        area.width,
+    );
     let [head, body] =
         Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
             .areas(area);
@@ -328,7 +331,9 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
 
 fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme) {
     let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
-    let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0).min(MAX_NAME);
+    let title = if runs.len() > 1 { " differences" } else { " run" };
+    let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0);
+    let names = names.clamp(title.len() - 1, MAX_NAME);
     let widest = rows.iter().flat_map(|(_, values)| values).map(|value| display_width(value));
     let most = if runs.len() == 1 { usize::from(area.width) } else { MAX_VALUE };
     let width = Constraint::Length(widest.max().unwrap_or(0).clamp(1, most.max(1)) as u16);
@@ -337,7 +342,6 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme
     let letter = |(letter, _): &DrawnRun| {
         Span::styled(sign(*letter).to_string(), style(*letter, theme).patch(BOLD))
     };
-    let title = if runs.len() > 1 { " differences" } else { " run" };
     let letters = runs.iter().filter(|_| runs.len() > 1).map(letter);
     let head = [Span::styled(title, BOLD)].into_iter().chain(letters);
     let rows = rows.into_iter().map(|(name, values)| {

@@ -6,7 +6,7 @@ use std::time::SystemTime;
 use super::*;
 use crate::experiment::saved_runs::{RunKind, RunState, SavedRun};
 use crate::experiment::spec::EvaluationAt;
-use crate::tui::tests::{click, draw, place_of, press, shown_by, type_text};
+use crate::tui::tests::{click, draw, place_of, press, press_with, shown_by, type_text};
 use crate::tui::theme::ThemeName;
 use gdg::train::{Evaluation, Score};
 
@@ -121,6 +121,16 @@ fn files_that_cannot_be_read_are_rows_that_tell_all() {
     }
     press(&mut screen, KeyCode::Enter);
     assert!(screen.wish.is_none() && shown_by(&mut screen, 80, 24).contains("cannot be resumed"));
+}
+
+#[test]
+fn ctrl_c_quits_wherever_it_is_pressed() {
+    for keys in ["", "?", "/c", "D"] {
+        let mut screen = screen();
+        type_text(&mut screen, keys);
+        press_with(&mut screen, KeyCode::Char('c'), KeyModifiers::CONTROL);
+        assert!(screen.is_done(), "after {keys:?}");
+    }
 }
 
 #[test]

@@ -18,7 +18,7 @@ use crate::tui::screen::Screen;
 use crate::tui::style::DIM;
 use crate::tui::theme::{ColourDepth, Rgb, Theme};
 use gdg::bridge::EdgeStatus;
-use gdg::text::counted;
+use gdg::text::{counted, grouped};
 use gdg::viewer::{Field, Graph, Reach};
 
 /// Width of the colour bar in characters, and its width where room is short.
@@ -81,8 +81,10 @@ pub fn draw_scale(
     frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }
 
-pub fn overlays(scene: &dyn SceneKind) -> impl Iterator<Item = Overlay> {
-    Overlay::ALL.into_iter().filter(|overlay| scene.offers(Action::Toggle(*overlay)))
+pub fn overlays(scene: &dyn SceneKind, screen: &Screen) -> impl Iterator<Item = Overlay> {
+    let is_there =
+        |of: &Overlay| scene.offers(Action::Toggle(*of)) && screen.why_not(*of).is_none();
+    Overlay::ALL.into_iter().filter(is_there)
 }
 
 /// Returns the colour scale with a bar of `bar` characters.
@@ -95,7 +97,7 @@ pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'sta
 pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
     let scale = scale_of(scene, screen, SHORT_BAR_WIDTH);
     let mut lines = vec![scale, heading("toggle by key or click")];
-    for overlay in overlays(scene) {
+    for overlay in overlays(scene, screen) {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let (mark, style) =
             if screen.overlays.has(overlay) { ('x', Style::new()) } else { (' ', DIM) };
@@ -119,7 +121,7 @@ pub fn edge_lines(
     let kinds =
         [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Untried].into_iter().zip(meanings);
     kinds.zip(screen.theme.edges).map(move |((status, name), rgb)| {
-        sign(screen, '\u{2500}', rgb, &format!("{} {name}", graph.count(status)))
+        sign(screen, '\u{2500}', rgb, &format!("{} {name}", grouped(graph.count(status) as u64)))
     })
 }
 

@@ -44,7 +44,7 @@ pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
 pub fn ask_to_restart(cx: &mut Cx) {
     let seed = cx.screen.run().seed.wrapping_add(1);
     let title = format!("restart with seed {seed}");
-    let begin = format!("start a new run on this map with seed {seed}");
+    let begin = format!("start with seed {seed}");
     let choice = Choice::Restart(seed);
     cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
 }

@@ -32,10 +32,8 @@ pub fn next_field(cx: &mut Cx, forward: bool) {
 pub fn toggle_overlay(cx: &mut Cx, action: Action) {
     let Action::Toggle(overlay) = action else { return };
     let screen = &mut cx.screen;
-    if overlay.needs_bridges() && !screen.run().method.plans() {
-        let (key, method) = (screen.keymap.key_of(Action::Method), screen.run().method.name());
-        return screen
-            .say(&format!("{method} has no bridges: press {key} to choose another method"));
+    if let Some(why) = screen.why_not(overlay) {
+        return screen.say(&why);
     }
     let shown = screen.overlays.toggle(overlay);
     cx.scene.act(action, screen, &mut cx.link);

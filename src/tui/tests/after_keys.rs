@@ -106,7 +106,7 @@ const ROWS: &[ScreenTest] = &[
     (Run, SMALL, "qc", &["q quit"], &["save and quit"]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}lots{enter}", &["random_actions cannot be"], &[]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}0.5{enter}", &["*random_actions"], &[]),
-    (Run, SMALL, "R", &["save this run, then start", "yes, start", "with seed 2"], &[]),
+    (Run, SMALL, "R", &["save this run, then start", "yes, start with seed 2"], &["..."]),
     // Typing replaces the answer that is there, unless it was edited.
     (New, SMALL, "ohidden{enter}7", &["> 7 "], &[]),
     (New, SMALL, "ohidden{enter}{backspace}7", &["> 17 "], &[]),
@@ -127,7 +127,11 @@ const ROWS: &[ScreenTest] = &[
     // Over the wall at column 10, and not beyond the map.
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
+    // What there is not is not in the legend.
     (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
+    (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
+    (Mono, SMALL, "c", &["contour lines need colours"], &[]),
+    (Mono, SMALL, "4", &["bridge edges"], &["contours"]),
     // The editor.
     (New, SMALL, "e", &["EDIT", "done"], &[]),
     (New, TINY, "e", &["done"], &[]),
@@ -153,7 +157,8 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "P", &["front"], &[]),
     (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "4goal 5log"], &[]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", " 1 train  2  3  4  5 "], &[]),
+    (Goals, SMALL, "4", &[" 1  2  3  4 goals  5 "], &[]),
     (Goals, SMALL, "P", &["g0\u{2192}", "g2\u{2191}"], &[]),
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
@@ -169,11 +174,12 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "", &["5 runs", "fourrooms", "Space mark", "Enter resume", "? help"], &[]),
     (List, NARROW, "", &["Space mark", "Enter resume", "c compare", "? help", "q quit"], &[]),
     (List, (24, 6), "", &["needs 60", "24 x 6"], &[]),
-    (List, LARGE, " j ", &["  A ", "  B "], &[]),
-    (List, LARGE, "  ", &["5 runs"], &["  A "]),
-    (List, LARGE, " j {esc}", &[], &["  A "]),
+    (List, LARGE, " j ", &["\u{2500} A ", "\u{2500} B "], &[]),
+    (List, SMALL, " j ", &["differences"], &[]),
+    (List, LARGE, "  ", &["5 runs"], &["\u{2500} A "]),
+    (List, LARGE, " j {esc}", &[], &["\u{2500} A "]),
     (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
-    (List, LARGE, "{end}{up} ", &["  A fourrooms ", " 4,000 "], &[]),
+    (List, LARGE, "{end}{up} ", &["\u{2500} A fourrooms ", " 4,000 "], &[]),
     (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
     (List, LARGE, "{end}{up} xxv", &["success rate without plans over seconds"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),

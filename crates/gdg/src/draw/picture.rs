@@ -3,7 +3,7 @@
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use png::{Encoder, EncodingError};
 
-use super::{Rgb, contour, contour_paths, positions_along};
+use super::{Rgb, contour, contour_paths, trace};
 
 /// A picture in memory.
 #[derive(Clone, Debug)]
@@ -33,37 +33,16 @@ impl Picture {
         &mut self.pixels
     }
 
-    /// Colours the pixel at a position, unless it lies outside the picture.
-    pub fn set(&mut self, x: isize, y: isize, colour: Rgb) {
-        let (columns, rows) = self.size();
-        if (0..columns as isize).contains(&x) && (0..rows as isize).contains(&y) {
-            self.pixels[y as usize * columns + x as usize] = colour;
-        }
-    }
-
     /// Draws a filled disc, positions and radius in pixels.
-    pub fn disc(&mut self, [x, y]: [f32; 2], radius: f32, colour: Rgb) {
-        let span = |at: f32| (at - radius).floor() as isize..=(at + radius).floor() as isize;
-        for row in span(y) {
-            for column in span(x) {
-                let off = [column as f32 + 0.5 - x, row as f32 + 0.5 - y];
-                if off[0] * off[0] + off[1] * off[1] <= radius * radius {
-                    self.set(column, row, colour);
-                }
-            }
-        }
+    pub fn disc(&mut self, at: [f32; 2], radius: f32, colour: Rgb) {
+        self.lines(&[at, at], radius, colour);
     }
 
     /// Draws lines from stop to stop as wide as a disc of `radius`, and at least one pixel.
     pub fn lines(&mut self, stops: &[[f32; 2]], radius: f32, colour: Rgb) {
+        let size = self.size();
         for ends in stops.windows(2) {
-            let (from, to) = (ends[0], ends[1]);
-            // Two samples per pixel leave no gaps.
-            let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-            for at in positions_along([from, to], (2.0 * longer).ceil().max(1.0) as usize) {
-                self.set(at[0].floor() as isize, at[1].floor() as isize, colour);
-                self.disc(at, radius, colour);
-            }
+            trace([ends[0], ends[1]], radius, size, 1.0, false, |i, _| self.pixels[i] = colour);
         }
     }
 
@@ -75,7 +54,6 @@ impl Picture {
         }
     }
 
-    /// Writes text from an upper left corner to the right; characters that the font lacks are left
     /// Encodes the picture as a PNG file that names the `software` that has made it.
     ///
     /// # Errors

@@ -1,6 +1,10 @@
 //! The part of the map that each pixel of a picture shows.
 
+use super::positions_along;
 use crate::map::{Cell, Grid};
+
+/// Lines are traced in pieces of this length, in pixels, to look only at pixels near them.
+const PIECE: f32 = 16.0;
 
 /// A window on the map and the pixels that show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,6 +193,61 @@ fn is_crossed(free: &[bool], (columns, rows): (usize, usize)) -> bool {
         }
     }
     false
+}
+
+/// Calls `cover` for the pixels of a picture of that size that are within `radius` of a line between
+/// two of them, with how much of each is covered, of 255. `aspect` is a pixel's width as a share of
+/// its height. Edges that are not smooth cover whole pixels, and those that the line passes.
+pub fn trace(
+    ends: [[f32; 2]; 2],
+    radius: f32,
+    (columns, rows): (usize, usize),
+    aspect: f32,
+    is_smooth: bool,
+    mut cover: impl FnMut(usize, u8),
+) {
+    let [from, to] = ends;
+    let longer = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+    if !is_smooth {
+        for [x, y] in positions_along(ends, longer.ceil().clamp(1.0, 1e5) as usize) {
+            if x >= 0.0 && y >= 0.0 && (x as usize) < columns && (y as usize) < rows {
+                cover(y as usize * columns + x as usize, u8::MAX);
+            }
+        }
+        if radius <= 0.5 * aspect.max(1.0) {
+            return;
+        }
+    }
+    let pieces: Vec<[f32; 2]> =
+        positions_along(ends, (longer / PIECE).ceil().clamp(1.0, 1e4) as usize).collect();
+    let span = |a: f32, b: f32, radius: f32, count: usize| {
+        let (low, high) = (a.min(b) - radius - 0.5, a.max(b) + radius + 1.5);
+        (low.max(0.0) as usize).min(count)..(high.max(0.0) as usize).min(count)
+    };
+    for ends in pieces.windows(2) {
+        let ([x, y], end) = (ends[0], ends[1]);
+        let along = [aspect * (end[0] - x), end[1] - y];
+        let squared = along[0] * along[0] + along[1] * along[1];
+        for row in span(y, end[1], radius, rows) {
+            for column in span(x, end[0], radius / aspect, columns) {
+                let at = [aspect * (column as f32 + 0.5 - x), row as f32 + 0.5 - y];
+                let share = if squared > 0.0 {
+                    ((at[0] * along[0] + at[1] * along[1]) / squared).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                };
+                let off = (at[0] - share * along[0]).hypot(at[1] - share * along[1]);
+                let covered = if is_smooth {
+                    (255.0 * (radius + 0.5 - off).clamp(0.0, 1.0)) as u8
+                } else {
+                    u8::from(off <= radius) * u8::MAX
+                };
+                if covered > 0 {
+                    cover(row * columns + column, covered);
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]

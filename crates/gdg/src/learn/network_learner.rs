@@ -17,12 +17,11 @@
 //!   before, so that the run can continue with them.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
-use crate::job::Job;
+use crate::job::{Job, Stopwatch};
 use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::data::graph_paths::follow_graph;
 use crate::learn::data::hard_pairs::{imagine_walks, short_pairs};
@@ -209,7 +208,7 @@ impl Learner for NetworkLearner {
         if self.variant.acting == Acting::AtRandom {
             return Ok(Losses::default());
         }
-        let (began, job) = (Instant::now(), data.job);
+        let (began, job) = (Stopwatch::start(), data.job);
         self.sample(data)?;
         profile.lap(TrainingPhase::Sample, began);
         Ok(self.training.update(Some(job), profile)?)

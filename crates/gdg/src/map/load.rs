@@ -5,7 +5,7 @@ use std::path::Path;
 use super::formats::{FORMATS, MapFormat, Source, THRESHOLD, has_agents};
 use super::grid::{Grid, MapScale};
 use super::ogbench::Ogbench;
-use super::scenario::{Scenario, ScenarioTask, is_scenario};
+use super::scenario::{Scenario, is_scenario};
 use super::text_file::{MapError, MapResult, TextFile, read_file};
 use crate::files::{FileFormat, Mismatch, Wanted};
 
@@ -148,11 +148,6 @@ pub fn agents_of(path: &Path) -> MapResult<Option<Scenario>> {
     let file = path.to_string_lossy();
     let has_agents = TextFile::new(&file, &bytes).is_ok_and(|text| has_agents(&text));
     has_agents.then(|| Scenario::parse(&file, &bytes)).transpose()
-}
-
-/// Reads and parses a scenario for `grid`.
-pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    read_scenario(path)?.tasks(grid)
 }
 
 /// Returns an error that names the kind of the file at `path` if that is not `wanted`, else

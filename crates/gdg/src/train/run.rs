@@ -120,11 +120,15 @@ pub struct Limits {
     pub env_steps: Option<u64>,
 }
 
+/// How much longer updates take with a bridge graph: 1.1 (the arm) to 1.8 times (four rooms).
+const WITH_GRAPH: f64 = 1.4;
+
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     /// Counters and seconds of training at the first update that counts, and now.
     pub(super) from: (Counters, f64),
     pub(super) now: (Counters, f64),
+    pub(super) first_graph_at: Option<u64>,
 }
 
 impl Pace {
@@ -144,10 +148,12 @@ impl Pace {
             let left = limit?.saturating_sub(count(counters)) as f64;
             if left > 0.0 { Some(left / self.per_second(count)?) } else { Some(0.0) }
         };
+        let graph = until(self.first_graph_at, |done| done.updates).unwrap_or(f64::INFINITY);
+        let slowed = |left: f64| left + (WITH_GRAPH - 1.0) * (left - graph).max(0.0);
         let all = [
             limits.seconds.map(|limit| (limit - seconds).max(0.0)),
-            until(limits.updates, |counters| counters.updates),
-            until(limits.env_steps, |counters| counters.env_steps),
+            until(limits.updates, |counters| counters.updates).map(slowed),
+            until(limits.env_steps, |counters| counters.env_steps).map(slowed),
         ];
         all.into_iter().flatten().min_by(f64::total_cmp)
     }
@@ -212,7 +218,7 @@ pub(crate) mod tests {
     fn the_time_left_follows_from_the_mean_pace_since_the_first_update() {
         let at = |updates, seconds| (Counters { updates, ..Counters::default() }, seconds);
         // The warm-up took 60 s, and then 999 updates 10 s.
-        let pace = Pace { from: at(1, 60.0), now: at(1_000, 70.0) };
+        let pace = Pace { from: at(1, 60.0), now: at(1_000, 70.0), first_graph_at: None };
         let updates = Limits { updates: Some(8_000), ..Limits::default() };
         let episodes = Limits { episodes: Some(80), ..Limits::default() };
         for (limits, left) in [
@@ -223,6 +229,11 @@ pub(crate) mod tests {
         ] {
             assert_eq!(pace.seconds_left(&limits), left, "{limits:?}");
         }
+        let planning = Pace { first_graph_at: Some(1_999), ..pace };
+        let left = 10.0 + WITH_GRAPH * 6_001.0 / 99.9;
+        assert!((planning.seconds_left(&updates).expect("an estimate") - left).abs() < 1e-9);
+        let soon = Limits { updates: Some(1_500), ..updates };
+        assert_eq!(planning.seconds_left(&soon), pace.seconds_left(&soon), "no graph before");
         let resumed = Pace { from: pace.now, ..pace };
         assert_eq!(resumed.seconds_left(&updates), None, "nothing is known yet");
     }

@@ -7,7 +7,6 @@ mod persistence;
 mod recorded;
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,7 +23,7 @@ use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
 use crate::env::{EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
-use crate::job::Job;
+use crate::job::{Job, Stopwatch};
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
     ReplaySizes, Scratch, Threads, TrainingData, TrainingPhase,
@@ -273,7 +272,7 @@ impl Trainer {
     pub fn pace(&self) -> Pace {
         let now = (self.counters, self.seconds);
         let from = self.paced_from.map_or(now, |(counters, seconds, _)| (counters, seconds));
-        Pace { from, now }
+        Pace { from, now, first_graph_at: self.first_graph_at() }
     }
 
     /// Runs one update if one is due, else one step of every agent; both if the world computes its
@@ -281,7 +280,7 @@ impl Trainer {
     /// step.
     /// Where it fails, the run can be saved.
     pub fn tick(&mut self) -> Result<Tick> {
-        let began = Instant::now();
+        let began = Stopwatch::start();
         self.job.beat();
         self.check_data()?;
         self.begin_to_act();
@@ -291,7 +290,7 @@ impl Trainer {
         }
         self.seconds += began.elapsed().as_secs_f64();
         if tick == Tick::Update {
-            let is_steady = self.graph().is_some() || !self.needs_graph();
+            let is_steady = self.first_graph_at().is_none();
             if self.paced_from.is_none_or(|(.., was_steady)| is_steady && !was_steady) {
                 self.paced_from = Some((self.counters, self.seconds, is_steady));
             }
@@ -414,7 +413,7 @@ impl Trainer {
         if !self.learns() {
             return Ok(());
         }
-        let began = Instant::now();
+        let began = Stopwatch::start();
         self.refresh_graph()?;
         self.profile.lap(TrainingPhase::Graph, began);
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());

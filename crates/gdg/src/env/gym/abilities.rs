@@ -6,7 +6,6 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use super::worker_pool::Pool;
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::{
     Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Task,
@@ -73,8 +72,7 @@ impl Recorded for Gym {
     }
 
     fn save(&self, store: &mut Store) {
-        let Pool { address, about, .. } = &*self.pool;
-        let (address, about) = (address.clone(), about.clone());
+        let (address, about) = (self.pool.address.clone(), self.pool.about.clone());
         let found = (*self.found).clone();
         // All its numbers are finite, so this cannot fail.
         let _ = store.put_json(STORED, &Stored { address, found, about });
@@ -137,5 +135,28 @@ impl Evaluated for Gym {
 
     fn tasks_at_once(&self) -> usize {
         TASKS_AT_ONCE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::facts::tests::description;
+    use super::super::{EnvDescription, EnvFacts, GymOptions, Pool};
+    use super::*;
+    use crate::env::tests::positions;
+
+    #[test]
+    fn an_environment_whose_source_has_changed_is_another_one() {
+        let fingerprint = |source| {
+            let about = EnvDescription { source, ..description(1, 0, 1) };
+            let (sizes, spec) = (about.sizes(), positions(&[(0.0, 1.0)]));
+            let (columns, goal_columns, goals) = (vec![0], vec![0], vec![0.0]);
+            let found = EnvFacts { spec, sizes, columns, goal_columns, goals };
+            let address = "own:Maze-v0".parse().expect("an address");
+            let pool = Pool::only_read(address, &GymOptions::default(), about, found);
+            let (pool, found) = pool.expect("a world");
+            Gym::without_agents(Arc::new(pool), Arc::new(found), false).fingerprint()
+        };
+        assert_ne!(fingerprint(Some(1)), fingerprint(Some(2)));
     }
 }

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::worker::{EnvDescription, GymWorker, OTHER_ENVIRONMENT};
+use super::worker::{EnvDescription, GymWorker};
 use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
 use crate::store::StoreError;
 
@@ -111,12 +111,13 @@ impl EnvFacts {
         has_changed
     }
 
-    /// Checks what a checkpoint has kept.
+    /// Checks what a checkpoint has kept, with a description.
     pub fn check(&self, about: &EnvDescription) -> Result<(), StoreError> {
         let (spec, within) = (&self.spec, |v: &f32| v.abs() <= MAX_MAGNITUDE);
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let scales = [&spec.state_centre, &spec.state_half_range, &spec.change_scale];
-        let sound = s > 0
+        let sound = about.is_sound()
+            && s > 0
             && g > 0
             && scales.iter().all(|scale| scale.len() == s && scale.iter().all(within))
             && spec.state_half_range.iter().chain(&spec.change_scale).all(|v| *v >= 0.0)
@@ -128,18 +129,12 @@ impl EnvFacts {
             && spec.position_scale.is_none_or(|scale| scale > 0.0 && within(&scale))
             && self.goals.len() >= g
             && self.goals.len().is_multiple_of(g)
-            && self.goals.iter().all(within);
-        let fits = self.sizes == about.sizes()
+            && self.goals.iter().all(within)
+            && self.sizes == about.sizes()
             && self.columns.iter().all(|column| *column < about.row())
             && self.goal_columns.iter().all(|column| *column < about.goal)
             && spec.action_dim == about.low.len();
-        match (sound, fits) {
-            (false, _) => {
-                Err(StoreError::inconsistent("what it stores of its world is inconsistent"))
-            }
-            (true, false) => Err(StoreError::inconsistent(OTHER_ENVIRONMENT)),
-            (true, true) => Ok(()),
-        }
+        StoreError::unless(sound, "what it stores of its world is inconsistent")
     }
 }
 
@@ -179,10 +174,7 @@ pub fn find(
         return Err(worker.fail(problem));
     };
     let found = scales(&seen, about, columns, radius);
-    match too_fine(&found.spec) {
-        None => Ok(found),
-        Some(why) => Err(worker.fail(why)),
-    }
+    too_fine(&found.spec).map_or(Ok(found), |why| Err(worker.fail(why)))
 }
 
 /// Says why single precision is too coarse for the goals, if it is.
@@ -361,12 +353,12 @@ fn share(mut numbers: Vec<f32>, tail: f64) -> [f32; 2] {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use crate::env::MOST_HALF_RANGES;
     use crate::env::tests::positions;
 
-    fn description(observed: usize, achieved: usize, goal: usize) -> EnvDescription {
+    pub fn description(observed: usize, achieved: usize, goal: usize) -> EnvDescription {
         EnvDescription {
             observed,
             achieved,
@@ -471,8 +463,11 @@ mod tests {
         assert_eq!((spec.change_scale[1], spec.change_scale[2]), (1.0, 3.0));
         assert_eq!(spec.position_scale, Some(spec.goal_radius), "240 is more than 12 radii");
         assert_eq!(found.check(&about), Ok(()));
-        let other = EnvDescription { observed: 5, ..about };
-        assert!(found.check(&other).is_err(), "another version of the environment");
+        assert_eq!(about.changes_since(&about), Ok(None));
+        for (observed, high) in [(5, 1.0), (4, 0.5)] {
+            let other = EnvDescription { observed, high: vec![Some(high)], ..about.clone() };
+            assert!(other.changes_since(&about).is_err(), "another version of the environment");
+        }
     }
 
     #[test]

@@ -42,6 +42,9 @@ MAZE_RADIUS = 0.45
 # How long an environment may go on once the program has ended, or has given it up.
 CLOSING_SECONDS = 0.5
 
+# How long environments are closed one after another.
+PATIENCE_SECONDS = 0.2
+
 
 class Unsupported(Exception):
     """The environment is not one that the program can use."""
@@ -69,12 +72,32 @@ def watch():
 
 
 def close_all():
-    """Has the environments end what they have started."""
-    for slot in slots:
-        try:
-            slot.env.close()
-        except BaseException:  # The others are closed too.
-            traceback.print_exc()
+    """Has the environments end what they have started, all at once where that takes long."""
+    left = iter(slots)
+
+    def close():
+        for slot in left:
+            try:
+                slot.env.close()
+            except BaseException:  # The others are closed too.
+                traceback.print_exc()
+
+    hurry = lambda: [threading.Thread(target=close).start() for _ in slots]
+    timer = threading.Timer(PATIENCE_SECONDS, hurry)
+    try:
+        timer.start()
+    finally:
+        close()
+        timer.cancel()
+
+
+def supported(number, what):
+    """Returns a number of numbers, unless there are none or too many."""
+    if number > MAX_NUMBERS:
+        raise Unsupported(f"{what} {number} numbers: at most {MAX_NUMBERS} are supported")
+    if number == 0:
+        raise Unsupported(f"{what} no numbers at all: at least one is needed")
+    return number
 
 
 def flat_numbers(space, what):
@@ -84,11 +107,7 @@ def flat_numbers(space, what):
     if len(space.shape) != 1 or space.dtype.kind not in "fiu":
         kind = "images" if len(space.shape) == 3 else f"arrays of shape {space.shape}"
         raise Unsupported(f"{what} {kind}: only vectors of numbers are supported")
-    if space.shape[0] > MAX_NUMBERS:
-        raise Unsupported(f"{what} {space.shape[0]} numbers: at most {MAX_NUMBERS} are supported")
-    if space.shape[0] == 0:
-        raise Unsupported(f"{what} no numbers at all: at least one is needed")
-    return space.shape[0]
+    return supported(space.shape[0], what)
 
 
 class Slot:
@@ -123,7 +142,7 @@ class Goals:
                 raise Unsupported("its achieved and desired goals differ in length")
         elif isinstance(info, dict) and "goal" in info:
             self.observed, self.achieved = flat_numbers(space, "its observations are"), 0
-            self.goal = int(np.asarray(info["goal"]).size)
+            self.goal = supported(np.asarray(info["goal"]).size, "its goals are")
         else:
             raise Unsupported(
                 "it has no goals: its observations need observation, achieved_goal and"

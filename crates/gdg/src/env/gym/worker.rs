@@ -77,10 +77,6 @@ const STOPPING: Duration = Duration::from_secs(2);
 /// How long one look for an answer takes.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// Why a run cannot go on.
-pub const OTHER_ENVIRONMENT: &str = "its environment has other observations, goals or actions now: \
-                                     install the version that the run began with";
-
 /// What the program asks a worker to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Message {
@@ -160,11 +156,13 @@ impl EnvDescription {
         endless.into_iter().chain(self.unbounded())
     }
 
-    /// Checks that actions mean what they did when this was `kept`; warns of another time limit.
+    /// Checks that observations, goals and actions are what they were when this was `kept`; warns of
+    /// another time limit.
     pub fn changes_since(&self, kept: &Self) -> Result<Option<String>, StoreError> {
-        if (&self.low, &self.high) != (&kept.low, &kept.high) {
-            return Err(StoreError::inconsistent(OTHER_ENVIRONMENT));
-        }
+        let of = |about: &Self| (about.sizes(), about.low.clone(), about.high.clone());
+        let another = "its environment has other observations, goals or actions now: install the \
+                       version that the run began with";
+        StoreError::unless(of(self) == of(kept), another)?;
         let [was, is] = [kept, self].map(|one| one.time_limit.map_or("none".to_owned(), grouped));
         Ok((was != is).then(|| format!("its time limit, in steps, was {was} and is {is} now")))
     }

@@ -14,7 +14,6 @@ use super::facts::{self, EnvFacts};
 use super::worker::{EnvDescription, GymWorker};
 use crate::env::EnvError;
 use crate::job::Job;
-use crate::store::StoreError;
 use crate::text::truncated;
 
 /// Most characters of a name, and of one that is quoted.
@@ -144,7 +143,7 @@ impl Pool {
             let warnings: Vec<String> = about.warnings().collect();
             (facts::find(&mut worker, &about, goal, radius)?, warnings)
         };
-        let (mut pool, found) = Self::unopened(address, options, about, found)?;
+        let (mut pool, found) = Self::only_read(address, options, about, found)?;
         pool.job = job;
         pool.idle.lock().push(worker);
         warnings.iter().for_each(|warning| pool.warn(warning));
@@ -153,19 +152,6 @@ impl Pool {
 
     /// Returns what a checkpoint knows of an environment, which is not opened.
     pub fn only_read(
-        address: Address,
-        options: &GymOptions,
-        about: EnvDescription,
-        found: EnvFacts,
-    ) -> Result<(Self, EnvFacts), EnvError> {
-        if !about.is_sound() {
-            let problem = "what it stores of its environment makes no sense";
-            return Err(StoreError::inconsistent(problem).into());
-        }
-        Self::unopened(address, options, about, found)
-    }
-
-    fn unopened(
         address: Address,
         options: &GymOptions,
         about: EnvDescription,
@@ -205,14 +191,10 @@ impl Pool {
             let found = enough.or_else(|| idle.len().checked_sub(1));
             found.map(|i| idle.swap_remove(i))
         };
-        let mut worker = idle.map_or_else(|| self.start(), Ok)?;
+        let new = || start(&self.address, &self.options, &self.job).map(|(worker, _)| worker);
+        let mut worker = idle.map_or_else(new, Ok)?;
         worker.make(environments)?;
         Ok(worker)
-    }
-
-    /// Starts a worker.
-    pub fn start(&self) -> Result<GymWorker, EnvError> {
-        Ok(start(&self.address, &self.options, &self.job)?.0)
     }
 }
 

@@ -1,7 +1,9 @@
 //! What an update reports: its losses, and the time spent in each phase of training.
 
 use std::iter::Sum;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use crate::job::Stopwatch;
 
 /// Losses of one update, each a mean over the batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -83,9 +85,9 @@ pub struct Profile([Duration; TrainingPhase::ALL.len()]);
 
 impl Profile {
     /// Adds the time since `began` to `phase`; returns the current time.
-    pub fn lap(&mut self, phase: TrainingPhase, began: Instant) -> Instant {
-        let now = Instant::now();
-        self.0[phase as usize] += now - began;
+    pub fn lap(&mut self, phase: TrainingPhase, began: Stopwatch) -> Stopwatch {
+        let now = Stopwatch::start();
+        self.0[phase as usize] += now.since(began);
         now
     }
 

@@ -5,13 +5,12 @@
 //! again by part; the actor's step.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use candle_core::Result;
 use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
-use crate::job::Job;
+use crate::job::{Job, Stopwatch};
 use crate::learn::data::batch::Batch;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::{
@@ -144,13 +143,13 @@ impl Training {
             (TrainingPhase::ActorGradient, parts, Shared::actor_gradient),
             (TrainingPhase::ActorStep, 2, |shared, task| shared.step(2 * shared.actor() + task)),
         ];
-        let first_began = Instant::now();
+        let first_began = Stopwatch::start();
         let mut began = first_began;
         for (stage, tasks, work) in phases {
             self.pool.try_run(tasks, &self.shared, job, work)?;
             began = profile.lap(stage, began);
         }
-        self.pool.record(began - first_began);
+        self.pool.record(began.since(first_began));
         Ok(self.losses())
     }
 

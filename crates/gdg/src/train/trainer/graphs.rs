@@ -210,6 +210,15 @@ impl Trainer {
         wanted && self.run.method.bridges()
     }
 
+    /// Returns the update at which the first graph takes effect, if that is still to come.
+    pub(super) fn first_graph_at(&self) -> Option<u64> {
+        let every = self.run.settings.bridge.graph_every_updates;
+        let next = every.saturating_mul(self.counters.updates / every + 1);
+        let next = next.saturating_add(every / ACTIVATION_DIVISOR);
+        let at = self.graphs.next.as_ref().map_or(next, |(due, _)| *due);
+        (self.needs_graph() && self.graph().is_none()).then_some(at)
+    }
+
     pub(super) fn refresh_graph(&mut self) -> Result<()> {
         if !self.needs_graph() {
             return Ok(());
@@ -225,10 +234,8 @@ impl Trainer {
         if is_time && self.graphs.next.is_none() {
             self.candidates.adapt_spacing();
             let round = now / self.run.settings.bridge.graph_every_updates;
-            let before = match self.graphs.current.as_ref() {
-                Some(built) => built.graph.clone(),
-                None => self.empty_graph(),
-            };
+            let before = self.graphs.current.as_ref().map(|built| built.graph.clone());
+            let before = before.unwrap_or_else(|| self.empty_graph());
             self.start_graph(ACTIVATION_DIVISOR, before, Some(round))?;
         }
         Ok(())

@@ -2,9 +2,9 @@
 
 use ratatui::text::Line;
 
-use super::curves::group_name;
 use crate::tui::action::Action;
 use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fact, short};
+use crate::tui::render::curves::group_name;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::style::BOLD;
