@@ -482,7 +482,6 @@ impl Editable for PointMaze {
             warning: (pieces > 1).then(|| format!("{pieces} disconnected components")),
             facts: Map::from_iter([
                 ("map".to_owned(), json!(self.map.name())),
-                ("fingerprint".to_owned(), json!(self.fingerprint())),
                 ("walled".to_owned(), json!(walled)),
                 ("opened".to_owned(), json!(opened)),
             ]),
