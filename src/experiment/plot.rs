@@ -321,14 +321,21 @@ mod tests {
     use super::*;
 
     /// Writes the records of a run of `her` with seed 1, evaluated at these thousands of updates.
+    /// `start` also has `tasks` of evaluations, and an `edit` before them.
     fn record(folder: &Path, file: &str, start: &Value, evaluated: &[u64], saved: &str) -> PathBuf {
         let mut first = json!({
             "event": "start", "world": "maze", "map": {"name": "hall"}, "method": "her",
             "preset": "default", "settings": {}, "seed": 1, "updates": 0,
         });
         let facts = start.as_object().cloned().unwrap_or_default();
+        let edit = facts.get("edit").map(|to| {
+            let fingerprint = format!("3 x 3, {}", to.as_str().expect("a checksum"));
+            json!({"event": "edit", "updates": 500, "map": "other", "fingerprint": fingerprint})
+        });
+        let tasks: Vec<Value> =
+            facts.get("tasks").into_iter().map(|tasks| json!({"tasks": tasks})).collect();
         first.as_object_mut().expect("an object").extend(facts);
-        let score = json!({"success": 0.5, "spl": null, "steps_ratio": null, "by_distance": []});
+        let score = json!({"success": 0.5, "spl": null, "steps_ratio": null, "by_distance": tasks});
         let at = |thousands: &u64| {
             json!({
                 "event": "evaluation", "updates": 1000 * thousands, "env_steps": 0, "seconds": 0.0,
@@ -336,7 +343,8 @@ mod tests {
             })
         };
         let saved = json!({"event": "saved", "updates": 0, "path": saved});
-        let records = [first].into_iter().chain(evaluated.iter().map(at)).chain([saved]);
+        let records =
+            [first].into_iter().chain(edit).chain(evaluated.iter().map(at)).chain([saved]);
         let text: String = records.map(|record| format!("{record}\n")).collect();
         let path = folder.join(file);
         std::fs::write(&path, text).expect("a file");
@@ -363,11 +371,18 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let data = |checksum: u32| json!({"data": {"file": "a.npz", "checksum": checksum, "transitions": 9, "episodes": 1}});
         let tasks = |tasks: &str| json!({"map": {"name": "hall", "scenario": tasks}});
+        let tasks_of = |tasks: u32| json!({"tasks": tasks});
+        let version = |version: &str| json!({"version": version});
+        let edit = |to: &str| json!({"edit": to});
         let size = |size: &str| json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
         for ([one, other], names) in [
             ([data(1), data(2)], ["data=00000001", "data=00000002"]),
             ([data(1), json!({})], ["data=00000001", "her"]),
             ([tasks("a"), tasks("b")], ["scenario=a", "scenario=b"]),
+            ([tasks_of(5), tasks_of(50)], ["eval-tasks=5", "eval-tasks=50"]),
+            ([version("0.2.0"), version("0.3.0")], ["version=0.2.0", "version=0.3.0"]),
+            ([edit("a"), edit("b")], ["edit=500:a", "edit=500:b"]),
+            ([edit("a"), json!({})], ["edit=500:a", "her"]),
             ([size("11 x 7"), size("21 x 21")], ["hall (11 x 7)", "hall (21 x 21)"]),
         ] {
             let files = [
@@ -375,9 +390,25 @@ mod tests {
                 record(folder.path(), "b.jsonl", &other, &[2], ""),
             ];
             let (rows, notes) = drawn(&files);
-            assert_eq!(rows, [format!("{} 1 1000", names[0]), format!("{} 1 2000", names[1])]);
-            assert_eq!(notes, [""; 0]);
+            let expected = [format!("{} 1 1000", names[0]), format!("{} 1 2000", names[1])];
+            assert_eq!((rows, notes), (expected.to_vec(), Vec::new()));
+            // As well in one file, where the second is no other attempt at the first.
+            let text = files.map(|file| std::fs::read_to_string(file).expect("records")).concat();
+            std::fs::write(folder.path().join("a.jsonl"), text).expect("a file");
+            assert_eq!(drawn(&[folder.path().join("a.jsonl")]).0, expected);
         }
+    }
+
+    #[test]
+    fn a_mean_that_ends_with_its_shortest_seed_says_so() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let files = [(json!({}), &[1, 3][..]), (json!({"seed": 2}), &[1])];
+        let files = files
+            .map(|(seed, at)| record(folder.path(), &format!("{}.jsonl", at.len()), &seed, at, ""));
+        assert_eq!(
+            drawn(&files).1,
+            ["her: the mean ends after 1000 of 3000 updates, as seed 2 does"]
+        );
     }
 
     #[test]
@@ -408,6 +439,26 @@ mod tests {
             assert_eq!(rows, ["her 1 1000", "her 1 3000", "her 1 4000"]);
             assert_eq!(notes, [""; 0]);
         }
+        // Where the map was edited, and evaluated on other tasks, it is one run, too.
+        let other =
+            json!({"updates": 3000, "resumed": first, "tasks": 9, "fingerprint": "3 x 3, a"});
+        let edited = json!({"edit": "a", "tasks": 5, "fingerprint": "3 x 3, b"});
+        let files = [
+            record(folder.path(), "b.jsonl", &other, &[4], second),
+            record(folder.path(), "a.jsonl", &edited, &[1, 3], first),
+            record(
+                folder.path(),
+                "c.jsonl",
+                &json!({"tasks": 9, "fingerprint": "3 x 3, b"}),
+                &[4],
+                "",
+            ),
+        ];
+        let (rows, notes) = drawn(&files);
+        let own = "edit=500:a eval-tasks=5 1";
+        let expected = [own, own, own, "eval-tasks=9 1"].into_iter().zip([1, 3, 4, 4]);
+        assert_eq!(rows, expected.map(|(own, at)| format!("{own} {at}000")).collect::<Vec<_>>());
+        assert_eq!(notes, [""; 0]);
         // What two were resumed from is part of both, of which the longer one is drawn.
         let resumed = |file: &str, at: &[u64]| record(folder.path(), file, &begun, at, "");
         let (short, long) = (resumed("b.jsonl", &[4]), resumed("c.jsonl", &[4, 5]));

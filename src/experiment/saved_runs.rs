@@ -17,7 +17,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::folder::read_result;
-use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
+use super::spec::{EvaluationAt, JobResult, eval_tasks, evaluations, setting_text};
 use crate::host::errors::from_checkpoint_error;
 use crate::host::saves::{ago, files_in, rate};
 use gdg::files::{has_extension, is_hidden};
@@ -29,11 +29,18 @@ pub use reader::{FoundRuns, RunReader};
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
 
-/// The fingerprint of the world of a run whose map was edited: there were several.
-pub const EDITED: &str = "edited";
-
 const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
                     checkpoint, or the records of gdg-tui --no-ui in a file";
+
+/// What seeds of one thing have in common besides method and settings, but parts of one run need
+/// not: edits of the map, tasks at each distance in evaluations, and the program's version.
+pub const CIRCUMSTANCES: [&str; 3] = ["edit", "eval-tasks", "version"];
+
+/// Edits that are told one by one, at most.
+const MAX_EDITS: usize = 4;
+
+/// A map after an edit of which nothing is known.
+const UNKNOWN: &str = "?";
 
 /// A run with its evaluations, or a file that has none that can be read.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,13 +52,19 @@ pub struct SavedRun {
     pub end: Option<RunState>,
     /// Its map, or the world if there is none.
     pub map: String,
-    /// What tells that apart from others of its name, if it is known; [`EDITED`] if it changed.
+    /// What tells that apart from others of its name, if it is known, as it was before all edits.
     pub fingerprint: Option<String>,
+    /// Updates at which its map was edited, and the checksum or the name of the map from then on, if
+    /// it is known.
+    pub edits: Vec<(u64, String)>,
     pub method: String,
     pub variant: Option<String>,
     /// The preset, and the settings that differ from it.
     pub settings: Vec<String>,
     pub seed: u64,
+    /// The program's version, and tasks at each distance in evaluations, if they are known.
+    pub version: Option<String>,
+    pub eval_tasks: Option<u32>,
     /// Updates from which these records go on; 0 for a run from its beginning.
     pub begun: u64,
     /// The checkpoint that they go on from, if they say so.
@@ -121,6 +134,8 @@ impl SavedRun {
                 None,
             ),
             seed: result.seed,
+            version: Some(result.version),
+            eval_tasks: result.eval_tasks,
             updates: result.updates,
             evaluations: result.evaluations,
             others: checkpoint.iter().cloned().collect(),
@@ -159,6 +174,21 @@ impl SavedRun {
         (&self.map, self.fingerprint.as_deref(), &self.method, &self.settings, self.seed)
     }
 
+    /// Returns its [`CIRCUMSTANCES`]; `None` if one is unknown.
+    pub fn circumstances(&self) -> [Option<String>; 3] {
+        let edit = |(at, to): &(u64, String)| format!("{at}:{to}");
+        let mut edits = self.edits.iter().map(edit).collect::<Vec<_>>().join(",");
+        if self.edits.len() > MAX_EDITS {
+            let checksum = crc32fast::hash(edits.as_bytes());
+            edits = format!("{} times:{checksum:08x}", self.edits.len());
+        }
+        [Some(edits), self.eval_tasks().map(|tasks| tasks.to_string()), self.version.clone()]
+    }
+
+    fn eval_tasks(&self) -> Option<u32> {
+        self.eval_tasks.or_else(|| eval_tasks(&self.evaluations))
+    }
+
     fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
         value(&self.evaluations.last()?.evaluation)
     }
@@ -182,6 +212,9 @@ impl SavedRun {
             "method": self.method,
             "variant": self.variant,
             "seed": self.seed,
+            "version": self.version,
+            "eval_tasks": self.eval_tasks(),
+            "edits": self.edits,
             "settings": self.settings.iter().filter_map(setting).collect::<Map<_, _>>(),
             "updates": self.updates,
             "evaluated_at": self.evaluations.last().map(|at| at.updates),
@@ -369,6 +402,11 @@ pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
     read_records::read(path)
 }
 
+/// Returns the last fact of a fingerprint.
+fn checksum(fingerprint: &str) -> String {
+    fingerprint.rsplit(", ").next().unwrap_or_default().to_owned()
+}
+
 fn unreadable(path: &Path, error: &std::io::Error) -> Report {
     miette!(help = HELP, "{}: cannot be read: {error}", path.display())
 }
@@ -377,6 +415,12 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     let (found, history) = read_history(path).map_err(from_checkpoint_error)?;
     let changed = found.run.changed_settings();
     let settings = changed.iter().map(|(name, value)| setting_text(name, value));
+    // Its fingerprint is of the last map.
+    let last = history.edits().len().saturating_sub(1);
+    let to =
+        |i| found.fingerprint.as_deref().filter(|_| i == last).map_or(UNKNOWN.into(), checksum);
+    let edits = history.edits().iter().enumerate().map(|(i, at)| (*at, to(i)));
+    let edits: Vec<(u64, String)> = edits.collect();
     let data = found.data.as_ref().map(|data| data.checksum);
     let mut evaluations = evaluations(&history);
     // What other methods reached before is not this method's.
@@ -386,10 +430,8 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
         kind: RunKind::Checkpoint,
         end: Some(RunState::Saved),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
-        fingerprint: match history.edits() {
-            [] => found.fingerprint.clone(),
-            _ => Some(EDITED.to_owned()),
-        },
+        fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
+        edits,
         method: found.run.method.name(),
         settings: facts(found.run.preset.name(), settings, data, found.scenario.clone()),
         seed: found.run.seed,

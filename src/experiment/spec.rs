@@ -205,6 +205,12 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
     history.evaluations().iter().enumerate().filter_map(evaluation).collect()
 }
 
+/// Returns the tasks at each distance in the first of `evaluations`; of the last, jobs may have more.
+pub fn eval_tasks(evaluations: &[EvaluationAt]) -> Option<u32> {
+    let groups = &evaluations.first()?.evaluation.greedy.by_distance;
+    groups.iter().map(|group| group.tasks as u32).max().filter(|tasks| *tasks > 0)
+}
+
 /// A finished job, as stored in its JSON file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobResult {

@@ -348,5 +348,10 @@ mod tests {
         assert_eq!((found.len(), seeds(&found[0])), (3, vec![1, 2, 3]), "her has a row of its own");
         let named: Vec<String> = problems.iter().map(ToString::to_string).collect();
         assert!(named.len() == 1 && named[0].contains(&tasks[1].name), "{named:?}");
+
+        let shown = table(&rows(&tasks[..2], &folder).0, false);
+        for part in ["gdg-bridge, eval-tasks=3 ", "gdg-bridge, eval-tasks=30 "] {
+            assert!(shown.contains(part) && !shown.contains("mean"), "{shown}");
+        }
     }
 }

@@ -64,6 +64,8 @@ pub enum Record {
     Edit {
         seconds: f64,
         updates: u64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        fingerprint: Option<String>,
         #[serde(flatten)]
         change: WorldChange,
     },
@@ -151,6 +153,7 @@ impl Record {
         Self::Edit {
             seconds: round(trainer.seconds()),
             updates: trainer.counters().updates,
+            fingerprint: trainer.world().fingerprint(),
             change,
         }
     }

@@ -6,11 +6,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use miette::{Report, miette};
 
 use super::{By, Measure, PlotOptions, csv_of};
-use crate::experiment::saved_runs::SavedRun;
+use crate::experiment::saved_runs::{CIRCUMSTANCES, SavedRun};
 use crate::experiment::spec::told_apart;
 use crate::figure::{Chart, Curve, Point, colour, round_top};
 use gdg::draw::Rgb;
 use gdg::text::sanitized;
+
+/// Means that end before this share of the longest seed are pointed out.
+const SHORT: f64 = 0.9;
 
 /// Which runs share a curve, and which curves a chart.
 pub struct Grouping {
@@ -29,7 +32,7 @@ impl Grouping {
     pub fn new(runs: &[SavedRun], by: &[By]) -> Self {
         // Worlds without a map have settings of their own.
         fn kind(run: &SavedRun) -> (&str, &str) {
-            (&run.method, if run.fingerprint.is_some() { "" } else { &run.map })
+            (&run.method, if run.fingerprint.is_some() || run.is_edited() { "" } else { &run.map })
         }
         let mut alike: BTreeMap<_, Vec<&SavedRun>> = BTreeMap::new();
         runs.iter().for_each(|run| alike.entry(kind(run)).or_default().push(run));
@@ -38,16 +41,34 @@ impl Grouping {
             (*kind, sets.reduce(|a, b| &a & &b).unwrap_or_default())
         });
         let common: BTreeMap<_, BTreeSet<&String>> = common.collect();
+        // What is not known tells no runs apart.
+        let mut told: BTreeMap<&str, [BTreeSet<String>; 3]> = BTreeMap::new();
+        for run in runs {
+            let all = told.entry(&run.method).or_default().iter_mut().zip(run.circumstances());
+            all.for_each(|(all, own)| all.extend(own));
+        }
+        let told = |run: &SavedRun| {
+            let own = CIRCUMSTANCES.iter().zip(run.circumstances()).zip(&told[&*run.method]);
+            let own = own.filter_map(|((name, own), all)| {
+                Some((name, own?)).filter(|(_, own)| all.len() > 1 && !own.is_empty())
+            });
+            own.map(|(name, own)| format!("{name}={own}")).collect::<Vec<_>>()
+        };
         let setting = |run: &SavedRun| {
             let is_own = |set: &&String| !common[&kind(run)].contains(set);
             let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
             let own = own.join(" ");
-            let Some(name) = &run.variant else { return own };
             // Variants of several experiments may have the same name.
             let mut others = alike[&kind(run)].iter();
             let is_known =
                 others.all(|other| other.variant != run.variant || other.settings == run.settings);
-            if is_known { name.clone() } else { format!("{name}: {own}") }
+            let own = match &run.variant {
+                Some(name) if is_known => name.clone(),
+                Some(name) => format!("{name}: {own}"),
+                None => own,
+            };
+            let all = [own].into_iter().chain(told(run)).filter(|text| !text.is_empty());
+            all.collect::<Vec<_>>().join(" ")
         };
         let worlds = runs.iter().map(|run| (&*run.map, run.fingerprint.as_deref()));
         let maps = told_apart(&worlds.collect::<Vec<_>>());
@@ -165,6 +186,18 @@ pub fn lines(
         let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
         return Err(miette!(help = help, "none of these runs ({methods}) has a {y}"));
     }
+    for line in &lines {
+        let ends = line.seeds.iter().filter_map(|(seed, points)| Some((points.last()?.0, seed)));
+        let longest = ends.clone().map(|(end, _)| end).fold(0.0, f64::max);
+        let shortest = ends.min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((end, seed)) = shortest.filter(|(end, _)| *end < SHORT * longest) {
+            let (name, chart, x) = (&line.name, &line.chart, options.x.label());
+            let name = if chart.is_empty() { name.clone() } else { format!("{name} ({chart})") };
+            notes.push(format!(
+                "{name}: the mean ends after {end:.0} of {longest:.0} {x}, as seed {seed} does"
+            ));
+        }
+    }
     Ok(lines)
 }
 
@@ -174,9 +207,9 @@ fn of_seeds<'a>(
     grouping: &Grouping,
     notes: &mut Vec<String>,
 ) -> Vec<(usize, &'a SavedRun)> {
-    let mut seeds: BTreeMap<(&[String; 3], u64), Vec<usize>> = BTreeMap::new();
+    let mut seeds: BTreeMap<_, Vec<usize>> = BTreeMap::new();
     for (i, run) in runs.iter().enumerate() {
-        seeds.entry((&grouping.parts[i], run.seed)).or_default().push(i);
+        seeds.entry((grouping.names(i), run.seed)).or_default().push(i);
     }
     let (mut all, mut left_out) = (Vec::new(), Vec::new());
     for mut found in seeds.into_values() {

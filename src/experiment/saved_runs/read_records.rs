@@ -10,7 +10,7 @@ use miette::{Report, miette};
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
-use super::{EDITED, HELP, RunKind, RunState, SavedRun, facts, unreadable};
+use super::{HELP, RunKind, RunState, SavedRun, UNKNOWN, checksum, facts, unreadable};
 use crate::experiment::spec::{EvaluationAt, setting_text};
 use gdg::files::{FileFormat, Mismatch, Wanted, open};
 use gdg::text::{safe_file_name, sanitized};
@@ -36,7 +36,11 @@ enum ReadRecord {
     Saved {
         path: PathBuf,
     },
-    Edit {},
+    Edit {
+        updates: u64,
+        map: Option<String>,
+        fingerprint: Option<String>,
+    },
     End {
         reason: String,
         updates: u64,
@@ -47,6 +51,7 @@ enum ReadRecord {
 
 #[derive(Deserialize)]
 struct Start {
+    version: Option<String>,
     world: String,
     fingerprint: Option<String>,
     map: Option<Value>,
@@ -77,6 +82,7 @@ impl SavedRun {
             method,
             settings: facts(&preset, settings, data, scenario),
             seed,
+            version: start.version,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),
             updates: start.updates,
@@ -91,7 +97,12 @@ impl SavedRun {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
             }
-            ReadRecord::Edit {} => self.fingerprint = Some(EDITED.to_owned()),
+            ReadRecord::Edit { updates, map, fingerprint } => {
+                let to = fingerprint.map(|own| checksum(&own)).or(map);
+                // Of several at once, the last.
+                self.edits.retain(|(at, _)| *at != updates);
+                self.edits.push((updates, to.unwrap_or_else(|| UNKNOWN.to_owned())));
+            }
             ReadRecord::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
             ReadRecord::End { reason, updates } => {
                 let interrupted = reason == "interrupted";
@@ -192,8 +203,12 @@ fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
     for part in parts {
         let facts = (part.map.clone(), part.method.clone(), part.settings.clone(), part.seed);
         let alike = places.entry(facts).or_default();
+        // It goes on, or has begun anew with the same edits and tasks.
         let is_before = |before: &SavedRun| {
-            before.fingerprint == part.fingerprint || part.begun > 0 && before.is_same(&part)
+            let mut both = part.circumstances().into_iter().zip(before.circumstances());
+            let is_again = both.all(|(own, other)| own == other || own.and(other).is_none());
+            is_again && before.fingerprint == part.fingerprint
+                || part.begun > 0 && before.is_same(&part)
         };
         if let Some(place) = alike.iter().rev().find(|place| is_before(&runs[**place])) {
             let before = std::mem::replace(&mut runs[*place], part);
@@ -270,16 +285,14 @@ impl SavedRun {
     /// Whether an evaluation of both was the same, at the same time: settings may have changed since.
     pub fn is_of_one_run(&self, other: &Self) -> bool {
         // Records round times.
-        let moments = |run: &Self| -> HashSet<(u64, u64, u64)> {
-            let at = run.evaluations.iter();
-            at.map(|at| (at.updates, at.env_steps, (1_000.0 * at.seconds).round() as u64)).collect()
-        };
-        !moments(self).is_disjoint(&moments(other))
+        let moment = |at: &EvaluationAt| (at.updates, (1_000.0 * at.seconds).round() as u64);
+        let own: HashSet<_> = self.evaluations.iter().map(moment).collect();
+        other.evaluations.iter().any(|at| own.contains(&moment(at)))
     }
 
     /// Whether its map was edited while it trained.
     pub fn is_edited(&self) -> bool {
-        self.fingerprint.as_deref() == Some(EDITED)
+        !self.edits.is_empty()
     }
 
     /// Whether these records go on from a checkpoint of `other`.
@@ -301,6 +314,9 @@ impl SavedRun {
         if before.is_edited() {
             (self.map, self.fingerprint) = (before.map, before.fingerprint);
         }
+        let is_own = |at: u64| self.edits.iter().all(|(own, _)| *own != at);
+        before.edits.retain(|(at, _)| *at <= self.begun && is_own(*at));
+        self.edits.splice(0..0, before.edits);
         self.evaluations.splice(0..0, before.evaluations);
         (self.begun, self.resumed) = (before.begun, before.resumed);
         self.checkpoint = self.checkpoint.take().or(before.checkpoint);
@@ -327,6 +343,11 @@ impl SavedRun {
             self.end = Some(RunState::Saved);
         }
         self.updates = self.updates.max(part.updates);
+        // Its records may be of its last part alone, or end before the last edit.
+        if part.edits.len() > self.edits.len() {
+            self.edits.clone_from(&part.edits);
+            self.fingerprint.take_if(|_| self.begun > 0);
+        }
     }
 }
 

@@ -23,7 +23,7 @@ use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 use super::RunsScreen;
 use super::list::List;
 use crate::experiment::plot::Measure;
-use crate::experiment::saved_runs::{COLUMNS, SavedRun, name};
+use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::pane_text::{fitted_line, wrapped};
@@ -302,6 +302,10 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
             run.problem.as_ref().map_or(String::new(), |at| format!("line {}", &at[1..]))
         }),
     ];
+    let circumstances = CIRCUMSTANCES
+        .iter()
+        .enumerate()
+        .map(|(i, name)| row(name, &|run| run.circumstances()[i].clone().unwrap_or_default()));
     // A setting's value is the run's own, or else its preset's.
     let value = |run: &SavedRun, name: &str| {
         let of = |name: &str| own(run).find(|(own, _)| *own == name).map(|(_, value)| value);
@@ -322,7 +326,7 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
         [value] => !value.is_empty(),
         values => values.iter().any(|value| *value != values[0]),
     };
-    facts.into_iter().chain(settings).filter(is_told).collect()
+    facts.into_iter().chain(circumstances).chain(settings).filter(is_told).collect()
 }
 
 fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme) {
