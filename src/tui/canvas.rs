@@ -1,5 +1,5 @@
 //! The pixels of a scene, painted at any resolution: a few pixels a character, which become
-//! characters, or the terminal's own, which are sent as a picture. Letters and labels are written as
+//! characters, or the terminal's own, which are sent as a picture. Letters are written as
 //! characters or as pixels.
 
 use std::sync::Arc;
@@ -42,7 +42,7 @@ pub enum Ground {
     Wall,
 }
 
-/// A letter, a sign or a label on top of the pixels.
+/// A letter or a sign on top of the pixels.
 #[derive(Clone, Debug)]
 pub enum Sign {
     Letter([f32; 2], char, Rgb),

@@ -5,7 +5,7 @@ use super::theme::ColourDepth;
 /// Something drawn over the map's colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
-    /// Contour lines of equal distance, labelled with it.
+    /// Contour lines of equal distance.
     Contours,
     /// Unvisited cells, and the edge of the known world.
     Unexplored,

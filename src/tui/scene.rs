@@ -23,7 +23,6 @@ use super::pane_text::fact;
 use super::screen::Screen;
 use gdg::engine::Snapshot;
 use gdg::env::WorldScene;
-use gdg::map::Grid;
 use gdg::train::FilmFrame;
 use gdg::viewer::{Field, Graph, View};
 pub use legend::MEANINGS as WALK_MEANINGS;
@@ -228,12 +227,6 @@ impl Scene {
     /// Returns whether the map has edits that are in no file.
     pub fn has_unsaved_map(&self) -> bool {
         self.maze().is_some_and(|maze| maze.map != maze.kept_map)
-    }
-
-    pub fn keep_map(&mut self, map: Arc<Grid>) {
-        if let Self::Maze(maze) = self {
-            maze.kept_map = map;
-        }
     }
 
     pub fn graph(&self) -> &Graph {

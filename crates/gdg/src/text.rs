@@ -52,9 +52,9 @@ pub fn markdown(text: &str) -> String {
     sanitized(text).chars().flat_map(escaped).collect()
 }
 
-/// Returns a number and what it counts: `1 task`, `2 tasks`.
+/// Returns a number and what it counts: `1 task`, `2,000 tasks`.
 pub fn counted(n: u64, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+    format!("{} {what}{}", grouped(n), if n == 1 { "" } else { "s" })
 }
 
 /// Returns a number in groups of three digits: `57,000`.

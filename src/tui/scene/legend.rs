@@ -34,7 +34,8 @@ pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<L
         Field::Plain => return None,
         Field::Error => {
             let most = 100.0 * MAX_SHOWN_ERROR;
-            (format!("-{most:.0} % short"), format!("+{most:.0} % long"))
+            let [short, long] = if bar > SHORT_BAR_WIDTH { [" short", " long"] } else { [""; 2] };
+            (format!("-{most:.0} %{short}"), format!("+{most:.0} %{long}"))
         }
         Field::Visits => ("0".to_owned(), short(f64::from(farthest))),
         _ => ("0".to_owned(), format!("{farthest:.0} steps")),

@@ -190,8 +190,8 @@ impl Saver {
         {
             self.to = SaveTo::Replace(path.to_path_buf());
             // Edits that came later are not in it.
-            if let Some((_, Some(map))) = self.awaited.take() {
-                cx.scene.keep_map(map);
+            if let (Some((_, Some(map))), Some(maze)) = (self.awaited.take(), cx.scene.maze_mut()) {
+                maze.kept_map = map;
             }
             then = self.then.take();
         }

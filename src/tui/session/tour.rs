@@ -205,7 +205,8 @@ impl Tour {
 fn show_overlay(overlay: Overlay, shown: bool, cx: &mut Cx) -> bool {
     let changes = cx.screen.overlays.has(overlay) != shown;
     if changes {
-        view::toggle_overlay(cx, Action::Toggle(overlay));
+        cx.screen.overlays.toggle(overlay);
+        cx.act_in_scene(Action::Toggle(overlay));
     }
     changes
 }
