@@ -150,12 +150,9 @@ impl Record {
     }
 
     pub fn edit(trainer: &Trainer, change: WorldChange) -> Self {
-        Self::Edit {
-            seconds: round(trainer.seconds()),
-            updates: trainer.counters().updates,
-            fingerprint: trainer.world().fingerprint(),
-            change,
-        }
+        let (seconds, updates) = (round(trainer.seconds()), trainer.counters().updates);
+        let fingerprint = trainer.world().fingerprint();
+        Self::Edit { seconds, updates, fingerprint, change }
     }
 
     pub fn saved(trainer: &Trainer, path: &Path) -> Self {
