@@ -285,11 +285,9 @@ impl SavedRun {
     /// Whether an evaluation of both was the same, at the same time: settings may have changed since.
     pub fn is_of_one_run(&self, other: &Self) -> bool {
         // Records round times.
-        let moments = |run: &Self| -> HashSet<(u64, u64, u64)> {
-            let at = run.evaluations.iter();
-            at.map(|at| (at.updates, at.env_steps, (1_000.0 * at.seconds).round() as u64)).collect()
-        };
-        !moments(self).is_disjoint(&moments(other))
+        let moment = |at: &EvaluationAt| (at.updates, (1_000.0 * at.seconds).round() as u64);
+        let own: HashSet<_> = self.evaluations.iter().map(moment).collect();
+        other.evaluations.iter().any(|at| own.contains(&moment(at)))
     }
 
     /// Whether its map was edited while it trained.

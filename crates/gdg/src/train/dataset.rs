@@ -226,9 +226,7 @@ pub fn data_file(
         ends.push(u8::from(is_last));
     });
     let rows = ends.len();
-    if rows == 0 {
-        return Err(StoreError::inconsistent("it has no transitions yet").into());
-    }
+    StoreError::unless(rows > 0, "it has no transitions yet")?;
     if let Some(recorded) = world.abilities().recorded {
         let width = states.len() / rows;
         states.chunks_exact_mut(width).for_each(|state| recorded.recorded_state(state));

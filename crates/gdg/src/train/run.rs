@@ -93,11 +93,7 @@ impl Counters {
         ];
         let sound = counts.iter().all(|n| *n < Self::MAX_COUNT)
             && self.losses.iter().all(|loss| loss.is_finite());
-        if sound {
-            Ok(())
-        } else {
-            Err(StoreError::inconsistent("the stored counters are out of range"))
-        }
+        StoreError::unless(sound, "the stored counters are out of range")
     }
 }
 

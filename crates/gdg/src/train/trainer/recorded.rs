@@ -195,10 +195,8 @@ impl Trainer {
             other => {
                 if let Some(room) = other.as_ref().and_then(|data| data.own_replay) {
                     let sizes = ReplaySizes::of(self.spec());
-                    if sizes.bytes(room) > memory::available_bytes() {
-                        let problem = "its replay buffer does not fit into memory";
-                        return Err(StoreError::inconsistent(problem).into());
-                    }
+                    let fits = sizes.bytes(room) <= memory::available_bytes();
+                    StoreError::unless(fits, "its replay buffer does not fit into memory")?;
                     self.replay = Replay::new(sizes, self.run.settings.train.agents, room);
                 }
                 self.replay.restore(store.get(REPLAY)?)?;
