@@ -317,8 +317,8 @@ impl Comparison {
 
     pub fn open_help(&mut self, _: Action) {
         let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_deref()));
-        let help = Help::of_comparison(contenders::introduction(about));
-        self.sessions[0].open(Dialog::Help(help));
+        let comparison = Some(contenders::introduction(about));
+        self.sessions[0].open(Dialog::Help(Help { comparison, ..Help::default() }));
     }
 
     /// Opens the list of actions: of those that comparisons have, and of the others, to say why.

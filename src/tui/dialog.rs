@@ -139,15 +139,11 @@ pub struct Help {
     pub first: usize,
     /// The lines that fit on the screen.
     pub page: usize,
-    search: Input,
+    pub search: Input,
     pub searching: bool,
 }
 
 impl Help {
-    pub fn of_comparison(introduction: String) -> Self {
-        Self { comparison: Some(introduction), ..Self::default() }
-    }
-
     pub fn search(&self) -> &str {
         self.search.value()
     }

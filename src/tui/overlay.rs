@@ -42,10 +42,6 @@ impl Overlay {
             Self::Path => "planned path",
         }
     }
-
-    pub fn needs_bridges(self) -> bool {
-        matches!(self, Self::Candidates | Self::Edges | Self::Search | Self::Path)
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

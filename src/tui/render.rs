@@ -92,7 +92,7 @@ pub fn draw_panes(
     let panel = PanelPosition::place(body, scene.proportions());
     page.layout.lacks_panel = panel == PanelPosition::Nowhere;
     if screen.maximised {
-        side::draw_maximised(&mut page, body);
+        side::draw(&mut page, body);
     } else {
         let [map_pane, side] = match panel {
             PanelPosition::Beside(columns) => {

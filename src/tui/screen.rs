@@ -146,7 +146,9 @@ impl Screen {
             Overlay::Contours if self.theme.depth == ColourDepth::Mono => {
                 Some("contour lines need colours: here shades show distances".to_owned())
             }
-            overlay if overlay.needs_bridges() && !method.plans() => {
+            Overlay::Candidates | Overlay::Edges | Overlay::Search | Overlay::Path
+                if !method.plans() =>
+            {
                 let (key, name) = (self.keymap.key_of(Action::Method), method.name());
                 Some(format!("{name} has no bridges: press {key} to choose another method"))
             }
@@ -178,18 +180,9 @@ impl Screen {
         self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }
 
-    /// Shows the line over the map for a while.
-    pub fn show_banner(&mut self) {
-        self.banner = Some(Instant::now());
-    }
-
     /// Takes the line over the map away once it has been there for a while; returns whether it has.
     pub fn drop_old_banner(&mut self) -> bool {
         self.banner.take_if(|since| since.elapsed() > BANNER_DURATION).is_some()
-    }
-
-    pub fn unsaved_updates(&self) -> u64 {
-        self.snapshot.unsaved_updates()
     }
 
     pub fn success(&self) -> Option<SuccessSummary> {

@@ -38,7 +38,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 850),
     ("headless", 900),
     ("experiment", 5_460),
-    ("tui", 19_700),
+    ("tui", 19_680),
     ("cli", 650),
     ("commands", 1_000),
 ];

@@ -16,7 +16,7 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let run = screen.run();
     let saved = match &screen.snapshot.saved {
-        _ if screen.unsaved_updates() > 0 => " unsaved".to_owned(),
+        _ if screen.snapshot.unsaved_updates() > 0 => " unsaved".to_owned(),
         Some((_, path)) => {
             path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy()))
         }

@@ -78,8 +78,8 @@ fn what_to_see(screen: &Screen) -> Option<Vec<Hint>> {
                 format!("{colours} \u{b7} click: a new goal \u{b7} new here? gdg-tui tour \u{b7}"),
                 vec![help],
             ),
-            (format!("{colours} \u{b7} click: a new goal"), vec![help]),
-            ("click: goal".to_owned(), vec![help]),
+            (format!("{colours} \u{b7} click: a new goal \u{b7}"), vec![help]),
+            ("click: goal \u{b7}".to_owned(), vec![help]),
         ]
     })
 }

@@ -27,6 +27,9 @@ const MIN_COLUMN_WIDTH: u16 = 36;
 pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(page, head);
+    if page.screen.maximised {
+        return draw_pane(page, body, page.screen.pane);
+    }
     // The panes beside and below the selected one.
     let mut others = Pane::ALL.into_iter();
     let chosen = page.screen.pane;
@@ -78,12 +81,6 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
         Pane::Legend => Some(scene.legend_lines(screen)),
         Pane::Curves | Pane::Log => None,
     }
-}
-
-pub fn draw_maximised(page: &mut ScreenPainter, area: Rect) {
-    let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(page, head);
-    draw_pane(page, body, page.screen.pane);
 }
 
 fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use crossterm::event::{MouseButton, MouseEventKind};
 use rand::RngExt;
@@ -44,7 +45,7 @@ impl MazeState {
     pub fn edit(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink) {
         let map = self.map.clone();
         if matches!(action, Action::ToggleEdit | Action::Tool(_)) {
-            screen.show_banner();
+            screen.banner = Some(Instant::now());
         }
         match action {
             Action::ToggleEdit => self.toggle_edit(link),
