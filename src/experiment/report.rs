@@ -66,10 +66,8 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<JobRow>, Vec<Report>) {
     let own = jobs.iter().map(|job| folder.result_of(job).unwrap_or_else(|| job.open_result()));
     let own: Vec<JobResult> = own.collect();
     let mut left_out = |result: &JobResult, why: &str| {
-        problems.push(miette!(
-            "{}: {why}",
-            folder.path(&format!("jobs/{}.json", result.name)).display()
-        ));
+        let file = folder.path(&format!("jobs/{}.json", result.name));
+        problems.push(miette!("{}: {why}", file.display()));
     };
     others.retain(|result| {
         let of = own.iter().position(|own| own.thing() == result.thing());
@@ -148,13 +146,11 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
                     (!values.is_empty()).then(|| of(column, &values))
                 };
                 let values: Vec<f64> = own.iter().filter_map(of_map).collect();
-                if values.is_empty() { "-".to_owned() } else { column.format(of(column, &values)) }
+                let text = || of_some(column.format(of(column, &values)), values.len(), own.len());
+                if values.is_empty() { "-".to_owned() } else { text() }
             });
-            let about = [
-                format!("{name} of {}", own.len()),
-                label.clone(),
-                first.about.updates.to_string(),
-            ];
+            let updates = first.about.updates.to_string();
+            let about = [format!("{name} of {}", own.len()), label.clone(), updates];
             lines.push(about.into_iter().chain(total).collect());
         }
     }
@@ -196,14 +192,19 @@ impl ReportColumn {
     }
 
     fn cell(&self, results: &[JobResult]) -> String {
-        match &self.values(results)[..] {
-            [] => "-".to_owned(),
+        let values = self.values(results);
+        let text = match &values[..] {
+            [] => return "-".to_owned(),
             [value] => self.format(*value),
-            values => {
-                format!("{} ({})", self.format(mean(values)), self.format(self.worst(values)))
-            }
-        }
+            all => format!("{} ({})", self.format(mean(all)), self.format(self.worst(all))),
+        };
+        of_some(text, values.len(), results.len())
     }
+}
+
+/// Adds how many seeds or maps a number is of, if not of all.
+fn of_some(text: String, found: usize, all: usize) -> String {
+    if found < all { format!("{text} [{found}]") } else { text }
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -254,7 +255,8 @@ fn about(rows: &[JobRow]) -> String {
     format!(
         "gdg-tui {}; {least}{} each, on tasks at six distances. Agents start at the map's `S`; on a map \
          without one, at one cell of its largest component that the seed draws; with \
-         restart=anywhere, anywhere. In brackets: the worst seed.",
+         restart=anywhere, anywhere. In brackets: the worst seed; \
+         in square ones: of how many seeds or maps, if not of all.",
         env!("CARGO_PKG_VERSION"),
         counted(most, "seed"),
     )

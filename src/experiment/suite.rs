@@ -162,7 +162,8 @@ fn known_worlds(name: &Path, options: &SuiteOptions, registry: &Registry) -> Opt
     let worlds = known.into_iter().map(|own| JobWorld::Named(name.to_owned(), own));
     let worlds: Vec<JobWorld> = worlds.collect();
     (!worlds.is_empty()).then(|| {
-        eprint_line(&format!("{}: cannot be opened: as in its results", sanitized(name)));
+        let name = sanitized(name);
+        eprint_line(&format!("{name}: cannot be opened: its jobs are those of its results"));
         worlds
     })
 }
@@ -278,7 +279,8 @@ mod tests {
     /// Returns the result of a job, with this success.
     fn done(job: &JobSpec, success: f64) -> JobResult {
         let score = json!({"success": success, "by_distance": []});
-        let at = json!({"updates": 9, "env_steps": 0, "seconds": 1, "greedy": score});
+        let coverage = (job.run.seed == 1).then_some(0.5);
+        let at = json!({"updates": 9, "env_steps": 0, "seconds": 1, "greedy": score, "coverage": coverage});
         let at: EvaluationAt = serde_json::from_value(at).expect("an evaluation");
         JobResult { evaluations: vec![at], ..job.open_result() }
     }
@@ -336,7 +338,7 @@ mod tests {
             lines[1].starts_with("hall (2 of 3 seeds) gdg-bridge 9 - 0.750 (0.500)"),
             "{shown}"
         );
-        assert!(lines[2].starts_with("trap gdg-bridge 9 - 0.500 (0.500)"), "{shown}");
+        assert_eq!(lines[2], "trap gdg-bridge 9 - 0.500 (0.500) - 0.500 [1] -", "of one seed");
         assert!(lines[3].starts_with("mean of 2 gdg-bridge 9 - 0.625"), "each map once: {shown}");
 
         let tasks = jobs("--seeds 2 --eval-tasks 3");

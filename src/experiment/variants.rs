@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::spec::setting_text;
 use crate::host::setup::{RunChoice, SettingsBase, settings_of, split_prefix};
 use gdg::settings::SettingAblation;
-use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, as_listed, list_settings};
+use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings, with_setting};
 
 pub struct JobVariant {
     pub name: Option<String>,
@@ -121,6 +121,15 @@ fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
         return Err(miette!(help = help, "--set {name}:...: not the name of a variant"));
     }
     Ok(())
+}
+
+/// Returns `name=value` as lists of settings have it; as it is if it cannot be used.
+fn as_listed(text: String) -> String {
+    let (name, value) = text.split_once('=').unwrap_or_default();
+    let settings = with_setting(&Settings::default(), name, value);
+    let listed = settings.map(|settings| list_settings(&settings)).unwrap_or_default();
+    let own = listed.into_iter().find(|(known, _)| known == name);
+    own.map_or(text, |(name, value)| format!("{name}={value}"))
 }
 
 fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {

@@ -27,9 +27,6 @@ const PROGRESS: [&str; 9] = [
     "actor_loss",
 ];
 
-/// Number of the columns of losses, which come last.
-const LOSSES: usize = 3;
-
 type Metric = fn(&Evaluation) -> Option<f64>;
 
 /// Columns of evaluations, besides success at each distance.
@@ -165,7 +162,7 @@ fn row(trainer: &Trainer, evaluation: Option<&Evaluation>) -> String {
     row.join(",") + "\n"
 }
 
-fn losses(losses: [f32; LOSSES]) -> [String; LOSSES] {
+fn losses<const N: usize>(losses: [f32; N]) -> [String; N] {
     losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
 }
 
@@ -193,7 +190,8 @@ fn length_to_keep(table: &[u8], Setup { trainer, limits, .. }: &Setup) -> Result
         // The history is thinned: it knows the losses of some rows.
         let points = history.points();
         if let Ok(i) = points.binary_search_by_key(&updates, |point| point.updates)
-            && losses(points[i].losses)[..] != cells[PROGRESS.len() - LOSSES..PROGRESS.len()]
+            && let losses = losses(points[i].losses)
+            && losses[..] != cells[PROGRESS.len() - losses.len()..PROGRESS.len()]
         {
             return Err(format!("line {number} is of another run"));
         }

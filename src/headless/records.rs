@@ -9,8 +9,8 @@ use super::updates_per_second;
 use crate::host::setup::Setup;
 use gdg::learn::{Losses, Threads};
 use gdg::train::{
-    BridgeFacts, DataSource, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score,
-    Trainer, WorldChange,
+    BridgeFacts, DataSource, DistanceError, EndReason, Evaluation, MarkedTask, Moment, Recovery,
+    Score, Trainer, WorldChange,
 };
 
 #[derive(Debug, Serialize)]
@@ -131,12 +131,11 @@ impl Record {
     }
 
     pub fn evaluation(trainer: &Trainer, evaluation: &Evaluation) -> Self {
-        let counters = trainer.counters();
+        let Moment { updates, env_steps, seconds } = trainer.moment();
         let Evaluation { greedy, planned, straight, distance_error, bridges, coverage, marked } =
             evaluation.clone();
-        let (updates, env_steps) = (counters.updates, counters.env_steps);
         Self::Evaluation {
-            seconds: round(trainer.seconds()),
+            seconds: round(seconds),
             updates,
             env_steps,
             greedy,
@@ -150,12 +149,9 @@ impl Record {
     }
 
     pub fn edit(trainer: &Trainer, change: WorldChange) -> Self {
-        Self::Edit {
-            seconds: round(trainer.seconds()),
-            updates: trainer.counters().updates,
-            fingerprint: trainer.world().fingerprint(),
-            change,
-        }
+        let (seconds, updates) = (round(trainer.seconds()), trainer.counters().updates);
+        let fingerprint = trainer.world().fingerprint();
+        Self::Edit { seconds, updates, fingerprint, change }
     }
 
     pub fn saved(trainer: &Trainer, path: &Path) -> Self {

@@ -37,8 +37,8 @@ const PROGRAM: [Room; 7] = [
     ("host", 1_550),
     ("figure", 850),
     ("headless", 900),
-    ("experiment", 5_460),
-    ("tui", 19_680),
+    ("experiment", 5_480),
+    ("tui", 19_700),
     ("cli", 650),
     ("commands", 1_000),
 ];

@@ -43,7 +43,7 @@ pub use score::{
 };
 pub use settings::{SETTINGS, Settings, TrainSettings};
 pub use settings_file::{
-    ConfigError, Overrides, as_listed, changed_from, list_settings, print_settings, reference_page,
+    ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
     settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};

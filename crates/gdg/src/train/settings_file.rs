@@ -123,15 +123,6 @@ pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
     settings.values().iter().map(|(name, value)| (name.clone(), shown(value))).collect()
 }
 
-/// Returns `name=value` as [`list_settings`] has it, or as it is if it cannot be used.
-pub fn as_listed(text: String) -> String {
-    let mut values = Settings::default().values();
-    let Ok(()) = apply_assignment(&mut values, &text, "") else { return text };
-    let listed = parse(&values).map(|settings| list_settings(&settings)).unwrap_or_default();
-    let own = listed.into_iter().find(|(name, _)| text.starts_with(&format!("{name}=")));
-    own.map_or(text, |(name, value)| format!("{name}={value}"))
-}
-
 /// Returns the settings of `settings` that differ from those of `base`, by name.
 pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> {
     let base = base.values();
