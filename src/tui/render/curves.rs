@@ -184,8 +184,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
     let label = |y: f64| match if log { 10f64.powf(y) } else { y } {
         y if y >= 100.0 => format!("{y:.0}"),
         y if y >= 1.0 || y == 0.0 => format!("{y:.1}"),
-        y if y >= 0.01 => format!("{y:.2}"),
-        y => format!("{y:.4}"),
+        y if y >= 0.0095 => format!("{y:.2}"),
+        y => format!("{y:.3}"),
     };
     let y = [low, high];
     let axes = pane_chart::Axes { x, over: axis(screen), y, y_labels: y.map(label) };
