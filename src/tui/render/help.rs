@@ -52,8 +52,8 @@ pub fn draw_for_lists(frame: &mut Frame, keymap: &Keymap, help: &Help, layout: &
     let width = usize::from(without_slivers(frame.area(), HELP_WIDTH).saturating_sub(2));
     let entry = |binding: &Binding| {
         let wording = match binding.action {
-            Action::Move(_, 1) => "select the next run; G selects the last one",
-            Action::Move(..) => "select the run before; g selects the first one",
+            Action::Move(_, 1) => "select the next run",
+            Action::Move(..) => "select the run before",
             Action::Close => "close the help, show all runs again, or unmark them",
             _ => binding.long,
         };
