@@ -296,10 +296,18 @@ fn the_same_seed_gives_the_same_run_resumed_or_not_and_with_any_number_of_worker
     assert!(resumed.status.success(), "{}", stderr(&resumed));
     assert_eq!(first, records(&resumed, "evaluation"), "resumed in the middle of episodes");
     assert!(!stderr(&resumed).contains("new episodes"));
-    // What comes out differently begins anew, which is said; resumed twice, it does the same.
+    // So does what draws from the random numbers that all environments of a process share.
+    let drawn = records(&run("Global", &whole), "evaluation");
     run("Global", &["--max-updates", "50", "--save", "global.safetensors"]);
+    let resumed = resume(folder.path(), "global.safetensors", &whole).output().unwrap();
+    let workers = run("Global", &[&whole[..], &["--workers", "3"]].concat());
+    for other in [resumed, workers] {
+        assert_eq!(drawn, records(&other, "evaluation"), "{}", stderr(&other));
+    }
+    // What comes out differently begins anew, which is said; resumed twice, it does the same.
+    run("Elsewhere", &["--max-updates", "50", "--save", "elsewhere.safetensors"]);
     let twice =
-        [(), ()].map(|()| resume(folder.path(), "global.safetensors", &whole).output().unwrap());
+        [(), ()].map(|()| resume(folder.path(), "elsewhere.safetensors", &whole).output().unwrap());
     assert!(stderr(&twice[0]).contains("the agents begin new episodes"), "{}", stderr(&twice[0]));
     assert_eq!(records(&twice[0], "evaluation"), records(&twice[1], "evaluation"));
 }
@@ -498,8 +506,8 @@ fn walk(agents: &mut dyn Environment, steps: usize) -> Vec<Vec<f32>> {
 #[ignore = "needs Python with numpy and gymnasium"]
 fn an_episode_is_repeated_exactly_or_begins_anew_which_is_said_once() {
     let folder = tempfile::tempdir().unwrap();
-    // The second one keeps what matters in an object.
-    for (name, before) in [("Point", 0), ("Point", 20), ("Hidden", 30)] {
+    // The third one keeps what matters in an object, the last one in numbers of all.
+    for (name, before) in [("Point", 0), ("Point", 20), ("Hidden", 30), ("Global", 20)] {
         let mut agents = two_agents(folder.path(), name);
         walk(&mut *agents, before);
         // Episodes of several lengths have full states of one.
@@ -515,7 +523,7 @@ fn an_episode_is_repeated_exactly_or_begins_anew_which_is_said_once() {
         assert_eq!(walk(&mut *agents, 15), next, "{name} after {before} steps");
         assert!(agents.take_warnings().is_empty());
     }
-    for name in ["Counts", "Global"] {
+    for name in ["Counts", "Elsewhere"] {
         let mut agents = two_agents(folder.path(), name);
         walk(&mut *agents, 3);
         for i in 0..2 {

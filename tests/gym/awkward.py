@@ -183,10 +183,19 @@ class Pit(Point):
 
 
 class Global(Point):
-    """Draws from numpy's random numbers for all: that is no state of its own."""
+    """Draws from numpy's random numbers for all."""
 
     def step(self, action):
         return super().step(action * np.random.uniform(0.5, 1.0))
+
+
+class Elsewhere(Point):
+    """Draws from random numbers that are no state of its own, and begin anew with no seed."""
+
+    drawn = np.random.default_rng(1)
+
+    def step(self, action):
+        return super().step(action * self.drawn.uniform(0.5, 1.0))
 
 
 class Hidden(Point):

@@ -23,7 +23,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 300),
     ("settings", 400),
     ("map", 3_800),
-    ("env", 6_000),
+    ("env", 6_060),
     ("learn", 8_380),
     ("bridge", 3_910),
     ("train", 6_800),

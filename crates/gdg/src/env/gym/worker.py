@@ -35,6 +35,8 @@ MAX_TEXT = 4000
 
 # Bounds of actions beyond this are none.
 LARGEST_BOUND = 1e9
+# Steps of a process in which it is found out whether they draw from the shared generators.
+FIRST_STEPS = 400
 
 # When Gymnasium-Robotics' mazes count a goal as reached: the number is within their code.
 MAZE_RADIUS = 0.45
@@ -111,12 +113,18 @@ def flat_numbers(space, what):
 
 
 class Slot:
-    """One environment, whether its episode has ended, and what was observed last."""
+    """One environment, whether its episode has ended, and what was observed last.
+
+    Those in one process share the generators of `random` and `np.random`. Where steps draw from them, each environment
+    has states of its own, so that the others change nothing.
+    """
+
+    draws, steps = False, 0
 
     def __init__(self):
         self.env = make()
         self.ended = False
-        self.last = None
+        self.last = self.generators = None
 
     def row(self):
         """Returns what is observed, followed by the achieved goal if it is apart, and 1 at the end."""
@@ -230,15 +238,31 @@ def reset(slot, seed, task=-1):
     slot.env.unwrapped.action_space.seed(seed)
     slot.ended = False
     options = None if task < 0 else {"task_id": task}
-    return of_gymnasium("observation, info", lambda: slot.env.reset(seed=seed, options=options))
+    begun = of_gymnasium("observation, info", lambda: slot.env.reset(seed=seed, options=options))
+    slot.generators = random.getstate(), np.random.get_state()
+    return begun
 
 
 def step(slot, action):
     """Steps an environment and returns what it observes."""
     wanted = "observation, reward, terminated, truncated, info"
+    Slot.steps += 1
+    owns = slot.generators is not None and (Slot.draws or Slot.steps <= FIRST_STEPS)
+    if owns:
+        random.setstate(slot.generators[0])
+        np.random.set_state(slot.generators[1])
     observation, _, terminated, truncated, _ = of_gymnasium(wanted, lambda: slot.env.step(action))
+    if owns:
+        before, slot.generators = slot.generators, (random.getstate(), np.random.get_state())
+        Slot.draws = Slot.draws or drawn(before, slot.generators)
     slot.ended = bool(terminated or truncated)
     return observation
+
+
+def drawn(before, after):
+    """Whether something has been drawn between two states of the generators."""
+    (own, (_, keys, *rest)), (own_after, (_, keys_after, *rest_after)) = before, after
+    return own != own_after or rest != rest_after or not np.array_equal(keys, keys_after)
 
 
 def bounds(values):

@@ -361,6 +361,8 @@ impl GymWorker {
         let mut command = Command::new(python);
         command
             .args(["-u", "-c", BOOTSTRAP, "gdg-tui", title])
+            // The order of a set is that of another run.
+            .env("PYTHONHASHSEED", "0")
             .stdin(Stdio::from(OwnedFd::from(theirs)))
             .stdout(their_output.try_clone().map_err(unstarted)?)
             .stderr(their_output);
