@@ -56,10 +56,14 @@ class Graph:
     def kinds_of(self, states: np.ndarray) -> np.ndarray:
         """Returns what tells states apart beside the goal, (states, others)."""
         others = [
-            np.floor(states[:, component].astype(np.float32) / np.float32(width))
-            for component, width in getattr(self.rules, "told_apart_by", [])
+            np.floor((states[:, component].astype(np.float32) - np.float32(low)) / np.float32(width))
+            for component, width, low in getattr(self.rules, "told_apart_by", [])
         ]
         return np.stack(others, axis=1) if others else np.zeros((len(states), 0))
+
+    def alike(self, candidates: ArrayLike, state: np.ndarray) -> np.ndarray:
+        """Returns which candidates nothing but the goal tells apart from `state`."""
+        return (self.kinds[candidates] == self.kinds_of(state[None])[0]).all(axis=-1)
 
     def around(self, state: np.ndarray) -> np.ndarray:
         """Returns a few of the candidates: those of the kind of `state` first, the nearest first."""
@@ -236,6 +240,7 @@ class Walk:
         if target is None:
             return None
         reached = bool(self._graph.reached(self._position(target)[None], state)[0])
+        reached = reached and (target == GOAL or bool(self._graph.alike(target, state)))
         late = rules.progress_check and self._clock >= self._deadline
         if reached and target != GOAL:
             self._remaining, self.strikes, self._at = self._route.costs[target], 0, target
@@ -299,16 +304,18 @@ class Walk:
         return (
             (self._route.costs[candidates] < self._remaining)
             & ~np.isin(candidates, [late for late, _ in self._banned])
-            & ~self._graph.reached(self._graph.points[candidates], state)
+            & ~(
+                self._graph.reached(self._graph.points[candidates], state)
+                & self._graph.alike(candidates, state)
+            )
         )
 
     def _options(self, state: np.ndarray, nearby: np.ndarray) -> Options:
         goals = np.vstack([self._graph.points[nearby], self.goal])
         distances = self._critics.distances(np.repeat(state[None], len(goals), 0), goals)
         costs, direct = np.full(len(nearby), np.inf), np.inf
-        if len(nearby) > 0:
-            kinds = self._graph.kinds[nearby]
-            alike = (kinds == kinds[0]).all(axis=1)
+        alike = self._graph.alike(nearby, state)
+        if alike.any():
             here = nearby[np.argmin(np.where(alike, distances[:-1], np.inf))]
             costs = self._graph.link_costs(here, nearby, distances[:-1])
             for nearest in self._route.nearest:
@@ -324,7 +331,8 @@ class Walk:
         """
         costs, rules = options.costs, self._graph.rules
         if not verified:
-            otherwise = rules.unverified_factor * options.distances
+            alike = self._graph.alike(options.candidates, state)
+            otherwise = np.where(alike, rules.unverified_factor * options.distances, np.inf)
             costs = np.where(np.isfinite(costs), costs, otherwise)
         totals = costs + self._route.costs[options.candidates]
         usable = np.isfinite(totals) & self._may_head_for(state, options.candidates)

@@ -52,7 +52,8 @@ struct Held {
 /// On an excursion, an agent follows what actions have led to before to the nearest place at the
 /// frontier, where some action may lead to an unvisited place, and tries it: return first, then
 /// explore (Ecoffet et al. 2021), with optimism about untried actions (R-max, Brafman and
-/// Tennenholtz 2002). This needs neither D nor the actor, which are not trained there yet.
+/// Tennenholtz 2002). This needs neither D nor the actor, which are not trained there yet. Where the
+/// achieved goal seldom moves, agents seek what moves it instead, by the dynamics model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excursions {
     pub(crate) places: Places,
@@ -83,17 +84,11 @@ impl Excursions {
         }
     }
 
-    /// Takes note of a step of any agent. What matters beside the goal is found out from many: then
-    /// the places are other ones, and all excursions end; returns whether.
-    pub fn note(
-        &mut self,
-        agent: usize,
-        spec: &Spec,
-        [state, next]: [&[f32]; 2],
-        action: &[f32],
-    ) -> bool {
+    /// Takes note of a step of any agent. What else tells places apart is found out from many: then the
+    /// places are other ones, and all excursions end.
+    pub fn note(&mut self, agent: usize, spec: &Spec, [state, next]: [&[f32]; 2], action: &[f32]) {
         if spec.state_dim() == spec.goal_dim() {
-            return false;
+            return;
         }
         let goal_has_moved = goal_moves(spec, state, next);
         if let Some(seek) = &mut self.seeks[agent] {
@@ -102,29 +97,23 @@ impl Excursions {
         if goal_has_moved && self.moves.goal_rests() {
             self.goal_moves.push(spec, [state, next], action);
         }
-        self.moves.note(spec, state, next) && self.look(spec)
-    }
-
-    /// Takes note of recorded `steps`, states and those that follow; returns whether places are
-    /// other ones now.
-    pub fn note_recorded<'a>(
-        &mut self,
-        spec: &Spec,
-        steps: impl Iterator<Item = [&'a [f32]; 2]>,
-    ) -> bool {
-        for [state, next] in steps.filter(|_| spec.state_dim() > spec.goal_dim()) {
-            self.moves.note(spec, state, next);
+        if self.moves.note(spec, state, next) {
+            self.look(spec);
         }
-        self.look(spec)
     }
 
-    /// Looks what matters beside the goal; returns whether places are other ones now.
-    fn look(&mut self, spec: &Spec) -> bool {
-        let Some(axes) = self.moves.more_axes(spec, self.places.axes()) else { return false };
-        self.places = Places::along(spec, axes);
-        self.held_steps = held_steps(&self.places);
-        self.end_all();
-        true
+    /// Takes note of a recorded step.
+    pub fn note_recorded(&mut self, spec: &Spec, [state, next]: [&[f32]; 2]) {
+        self.moves.note(spec, state, next);
+    }
+
+    /// Finds out what else tells places apart.
+    pub fn look(&mut self, spec: &Spec) {
+        if let Some(axes) = self.moves.more_axes(spec, self.places.axes()) {
+            self.places = Places::along(spec, axes);
+            self.held_steps = held_steps(&self.places);
+            self.end_all();
+        }
     }
 
     /// Returns what tells places apart beside the goal.
@@ -234,7 +223,7 @@ impl Excursions {
 
     pub(crate) fn set_out(&mut self, agent: usize) {
         if self.moves.goal_rests() {
-            self.seeks[agent] = Some(Seek::new());
+            self.seeks[agent] = Some(Seek::new(self.places.action(0).len()));
         } else {
             self.under_way[agent] = Some(Excursion::default());
         }
@@ -247,12 +236,6 @@ impl Excursions {
     /// Whether what has to be moved to the goal seldom moves.
     pub(crate) fn goal_rests(&self) -> bool {
         self.moves.goal_rests()
-    }
-
-    /// Returns how far a step moves the achieved goal if it does, where it has seldom moved; 0
-    /// elsewhere.
-    pub fn goal_step(&self) -> f32 {
-        self.goal_moves.typical()
     }
 
     /// Returns the share of the latest steps that have moved the achieved goal; `None` where the

@@ -198,6 +198,12 @@ impl BridgeGraph {
         self.candidates.goal_index().goal(i)
     }
 
+    /// Whether nothing but the goal tells `state` apart from candidate `i`.
+    pub(super) fn is_of_kind(&self, i: usize, state: &[f32]) -> bool {
+        let places = self.candidates.goal_index();
+        self.candidates.others().is_empty() || places.is_like(i, &places.place_of(state))
+    }
+
     /// Returns candidate `i` as a state, `(state_dim)`.
     pub(super) fn candidate(&self, i: usize) -> &[f32] {
         let s = self.candidates.spec.state_dim();
@@ -403,7 +409,12 @@ mod tests {
         let (spec, settings) = crate::bridge::candidates::tests::line(20);
         let spec = Spec { achieved: vec![0], action_dim: 1, ..spec };
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        candidates.tell_apart_by(&[crate::learn::Axis { component: 1, width: 0.5, step: 0.5 }]);
+        candidates.tell_apart_by(&[crate::learn::Axis {
+            component: 1,
+            width: 0.5,
+            low: 0.0,
+            step: 0.5,
+        }]);
         // To a key at 10 and back.
         for (x, key) in (0..=10).map(|x| (x, 0.0)).chain((0..10).rev().map(|x| (x, 1.0))) {
             let state = [x as f32, key];

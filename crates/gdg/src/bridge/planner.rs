@@ -175,7 +175,8 @@ impl Walker {
     fn keep_target(&mut self, state: &[f32], graph: &BridgeGraph) -> Option<WalkTarget> {
         self.hop = None;
         let (current, settings) = (self.target?, &graph.candidates.settings);
-        let reached = graph.candidates.spec.reached(state, self.target_position(graph, current));
+        let reached = graph.candidates.spec.reached(state, self.target_position(graph, current))
+            && current.candidate().is_none_or(|i| graph.is_of_kind(i, state));
         let late = settings.progress_check && self.clock >= self.deadline;
         if let (Some(from), Some(to)) = (self.at, current.candidate())
             && (reached || late)
@@ -277,7 +278,7 @@ impl Walker {
     fn may_head_for(&self, state: &[f32], i: usize, graph: &BridgeGraph) -> bool {
         self.route.costs[i] < self.remaining
             && self.is_allowed(WalkTarget::Candidate(i))
-            && !graph.candidates.spec.reached(state, graph.point(i))
+            && !(graph.candidates.spec.reached(state, graph.point(i)) && graph.is_of_kind(i, state))
     }
 
     /// Returns the best hop to a candidate, if any may be used, with the planning cost of the hop and
@@ -291,8 +292,9 @@ impl Walker {
     ) -> Option<(&'a FirstHop, f32)> {
         let usable = options.candidates.iter().filter_map(|hop| {
             let cost = hop.link.map(|link| link.cost);
-            let cost =
-                if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
+            let unverified = UNVERIFIED_FACTOR * hop.distance;
+            let may_be_unverified = !verified && graph.is_of_kind(hop.candidate, state);
+            let cost = cost.or(may_be_unverified.then_some(unverified))?;
             let total = cost + self.route.costs[hop.candidate];
             let usable = total.is_finite() && self.may_head_for(state, hop.candidate, graph);
             usable.then_some((hop, total))
@@ -400,7 +402,7 @@ impl BridgeGraph {
             "lookahead": lookahead,
             "window_steps": self.candidates.settings.window_steps(),
             "unobserved": UNOBSERVED,
-            "told_apart_by": self.candidates.others().iter().map(|axis| (axis.component, axis.width)).collect::<Vec<_>>(),
+            "told_apart_by": self.candidates.others().iter().map(|axis| (axis.component, axis.width, axis.low)).collect::<Vec<_>>(),
             "link_candidates": LINK_CANDIDATES,
             "nearest_candidates": NEAREST_CANDIDATES,
             "promising_candidates": PROMISING_CANDIDATES,

@@ -84,8 +84,6 @@ pub struct Rollout {
 pub struct RoundResult {
     pub episodes: u64,
     pub reached: u64,
-    /// Whether places that were one are several from now on.
-    pub tells_more: bool,
 }
 
 impl Rollout {
@@ -237,9 +235,8 @@ impl Rollout {
         for (i, (agent, (state, next))) in self.agents.iter().zip(steps).enumerate() {
             let action = &actions[i * a..(i + 1) * a];
             context.candidates.visit(i, state, next);
-            self.leaps.typical = self.excursions.goal_step();
             self.leaps.note(spec, state, next);
-            result.tells_more |= self.excursions.note(i, spec, [state, next], action);
+            self.excursions.note(i, spec, [state, next], action);
             if self.leaps.is_sure(spec, state, next) {
                 context.replay.push(i, state, action, &agent.goal);
             } else {

@@ -366,14 +366,15 @@ impl Trainer {
 
     fn finish_step(&mut self) -> Result<RoundResult> {
         self.wait_for_world()?;
-        let round = self.with_step_context(Rollout::finish)??;
+        let round = self.with_step_context(Rollout::finish)?;
+        if self.candidates.others() != self.told_apart_by() {
+            self.tell_more_apart()?;
+        }
+        let round = round?;
         self.visits.add(self.rollout.env(), self.rollout.env().states());
         self.counters.env_steps += self.round_steps();
         self.counters.episodes += round.episodes;
         self.counters.goals_reached += round.reached;
-        if round.tells_more {
-            self.tell_more_apart()?;
-        }
         Ok(round)
     }
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::Spec;
+use crate::env::{MAX_MAGNITUDE, Spec};
 use crate::learn::Axis;
 
 /// A component moves in a step that changes it by more than this share of its typical change.
@@ -30,7 +30,7 @@ const LOOK_EVERY: u64 = 1_000;
 /// Returns the axes of the goal: cells one goal radius wide.
 pub fn goal_axes(spec: &Spec) -> Vec<Axis> {
     let (width, step) = (spec.goal_radius, spec.largest_change());
-    let axis = |component: &usize| Axis { component: *component, width, step };
+    let axis = |component: &usize| Axis { component: *component, width, low: 0.0, step };
     spec.achieved.iter().map(axis).collect()
 }
 
@@ -41,7 +41,8 @@ fn moves(spec: &Spec, state: &[f32], next: &[f32], i: usize) -> bool {
 
 /// Whether a step has moved the achieved goal.
 pub fn goal_moves(spec: &Spec, state: &[f32], next: &[f32]) -> bool {
-    spec.achieved.iter().any(|i| moves(spec, state, next, *i))
+    let least = MOVES * spec.largest_change();
+    spec.achieved.iter().any(|i| (next[*i] - state[*i]).abs() > least)
 }
 
 /// How often the agents' steps have moved each component of the state, and how far it has got.
@@ -70,7 +71,8 @@ impl Moves {
         let moves = |i: usize| moves(spec, state, next, i);
         for (i, v) in next.iter().enumerate() {
             self.moved[i] += u64::from(moves(i));
-            (self.low[i], self.high[i]) = (self.low[i].min(*v), self.high[i].max(*v));
+            let (low, high) = (v.min(state[i]), v.max(state[i]));
+            (self.low[i], self.high[i]) = (self.low[i].min(low), self.high[i].max(high));
         }
         self.steps += 1;
         let goal = if goal_moves(spec, state, next) { 1.0 } else { 0.0 };
@@ -82,6 +84,10 @@ impl Moves {
         let s = spec.state_dim();
         [self.moved.len(), self.low.len(), self.high.len()] == [s; 3]
             && (0.0..=1.0).contains(&self.goal_share)
+            && self.steps < 1 << 60
+            && self.moved.iter().all(|moved| *moved <= self.steps)
+            && self.low.iter().chain(&self.high).all(|v| v.abs() <= MAX_MAGNITUDE)
+            && self.low.iter().zip(&self.high).all(|(low, high)| low <= high)
     }
 
     /// Returns the share of the latest steps that have moved the achieved goal.
@@ -113,7 +119,9 @@ impl Moves {
         let axis = |component: usize| {
             let width = (self.high[component] - self.low[component]) / cells;
             // It may jump.
-            Axis { component, width, step: width }
+            // What rests is in the middle of a cell.
+            let low = self.low[component] - 0.5 * width;
+            Axis { component, width, low, step: width }
         };
         Some(goal_axes(spec).into_iter().chain(others.into_iter().map(axis)).collect())
     }
@@ -147,7 +155,7 @@ mod tests {
     #[test]
     fn what_seldom_moves_tells_places_apart_unless_it_is_part_of_what_has_to_be_moved() {
         let (spec, own) = (spec(), goal_axes(&spec()));
-        let axis = |component| Axis { component, width: 0.125, step: 0.125 };
+        let axis = |component| Axis { component, width: 0.125, low: -0.0625, step: 0.125 };
         let more = |steps, every| seen(steps, every).more_axes(&spec, &own);
         // A velocity, a key, and what has turned but once.
         assert_eq!(more(2_000, [1, 1, 100, 1_500]), Some(vec![own[0], axis(2)]));

@@ -57,13 +57,6 @@ impl GoalMoves {
         self.0.push_back(GoalMove { state: scaled(spec, state), action: action.to_vec(), far });
     }
 
-    /// Returns how far a move is: the mean weighted by itself.
-    pub fn typical(&self) -> f32 {
-        let sum: f32 = self.0.iter().map(|own| own.far).sum();
-        let squares: f32 = self.0.iter().map(|own| own.far * own.far).sum();
-        if sum > 0.0 { squares / sum } else { 0.0 }
-    }
-
     /// Returns the square of the distance from `state` to the nearest remembered one.
     fn squared_distance(&self, spec: &Spec, state: &[f32]) -> f32 {
         let state = scaled(spec, state);
@@ -113,14 +106,15 @@ pub struct Seek {
 }
 
 impl Seek {
-    pub fn new() -> Self {
-        Self { left: SEEK_STEPS, action: Vec::new(), held: 0 }
+    pub fn new(action_dim: usize) -> Self {
+        Self { left: SEEK_STEPS, action: vec![0.0; action_dim], held: 0 }
     }
 
     pub fn fits(&self, spec: &Spec) -> bool {
         self.left <= SEEK_STEPS
             && self.held <= HELD_STEPS
-            && (self.held == 0 || self.action.len() == spec.action_dim)
+            && self.action.len() == spec.action_dim
+            && self.action.iter().all(|v| v.abs() <= 1.0)
     }
 
     /// Goes on with the action if it has moved the achieved goal.
@@ -230,7 +224,7 @@ mod tests {
         };
         let mut arrived = |moves: &GoalMoves| {
             let trials = (0..40).filter(|_| {
-                let (mut seek, mut state) = (Seek::new(), vec![-10.0, 10.0, 0.0]);
+                let (mut seek, mut state) = (Seek::new(2), vec![-10.0, 10.0, 0.0]);
                 (0..SEEK_STEPS).any(|_| {
                     let action =
                         seek.act(&spec, moves, &state, &Finger, &mut rng, &mut scratch).to_vec();

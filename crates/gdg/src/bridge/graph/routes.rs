@@ -194,7 +194,14 @@ impl BridgeGraph {
     }
 
     pub(super) fn route_to_candidate(&self, i: usize) -> Route {
-        self.route_from_links(self.point(i), vec![i], vec![(i as u32, 0)])
+        // Whoever is there has arrived, whatever else tells the states apart.
+        let places = self.candidates.goal_index();
+        let mut links = vec![(i as u32, 0)];
+        places.for_each_within(self.point(i), self.candidates.spec.goal_radius, |j, _| {
+            links.extend((!places.are_alike(i, j)).then_some((j as u32, 0)));
+        });
+        links.sort_unstable();
+        self.route_from_links(self.point(i), vec![i], links)
     }
 
     pub(in crate::bridge) fn route_from_links(
@@ -320,12 +327,13 @@ impl BridgeGraph {
         let mut distances = vec![0.0; to.len() / route.goal.len()];
         policy.distances(&from, &to, &mut distances, scratch);
         let mut rest = &distances[..];
-        let options = starts.iter().map(|(_, nearby)| {
+        let places = self.candidates.goal_index();
+        let options = starts.iter().map(|(state, nearby)| {
+            let here = places.place_of(state);
             let (own, others) = rest.split_at(nearby.len() + 1);
             rest = others;
             let to_goal = own[nearby.len()];
-            let places = self.candidates.goal_index();
-            let alike = nearby.iter().zip(own).filter(|(i, _)| places.are_alike(**i, nearby[0]));
+            let alike = nearby.iter().zip(own).filter(|(i, _)| places.is_like(**i, &here));
             let here = alike.min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
             let candidates = nearby.iter().zip(own).map(|(candidate, distance)| {
                 let link = self.link(here, &[*candidate], *distance);

@@ -35,6 +35,8 @@ pub struct Axis {
     pub component: usize,
     /// Width of a cell, in the component's unit.
     pub width: f32,
+    /// Lower end of a cell.
+    pub low: f32,
     /// Typical change per step that moves it.
     pub step: f32,
 }
@@ -43,12 +45,15 @@ impl Axis {
     /// Whether what a checkpoint has kept fits the world.
     pub fn fits(&self, spec: &Spec) -> bool {
         let is_sound = |v: f32| v > 0.0 && v.is_finite();
-        self.component < spec.state_dim() && is_sound(self.width) && is_sound(self.step)
+        self.component < spec.state_dim()
+            && is_sound(self.width)
+            && is_sound(self.step)
+            && self.low.is_finite()
     }
 
     /// Returns the cell of `state`.
     pub fn cell(&self, state: &[f32]) -> i32 {
-        (state[self.component] / self.width).floor() as i32
+        ((state[self.component] - self.low) / self.width).floor() as i32
     }
 }
 
@@ -125,9 +130,14 @@ impl GoalIndex {
         if self.others.is_empty() { self.goal(i) } else { &self.places[i * width..][..width] }
     }
 
+    /// Whether place `i` and another one differ in the goal alone.
+    pub(crate) fn is_like(&self, i: usize, place: &[f32]) -> bool {
+        self.place(i)[self.goal_dim..] == place[self.goal_dim..]
+    }
+
     /// Whether places `i` and `j` differ in the goal alone.
     pub(crate) fn are_alike(&self, i: usize, j: usize) -> bool {
-        self.place(i)[self.goal_dim..] == self.place(j)[self.goal_dim..]
+        self.is_like(i, self.place(j))
     }
 
     /// Adds a place, `(goal_dim + others)`.
@@ -339,7 +349,7 @@ mod tests {
     fn a_search_for_a_state_finds_its_kind_first_and_one_for_a_goal_any() {
         let spec =
             Spec { achieved: vec![0, 1], ..positions(&[(0.0, 50.0), (0.0, 50.0), (0.5, 0.5)]) };
-        let key = Axis { component: 2, width: 0.125, step: 0.125 };
+        let key = Axis { component: 2, width: 0.125, low: 0.0, step: 0.125 };
         let mut places = GoalIndex::new(&spec, &[key]);
         for state in [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [0.0, 1.0, 1.0], [40.0, 1.0, 1.0]] {
             places.push(&places.place_of(&state));

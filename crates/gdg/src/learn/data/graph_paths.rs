@@ -129,9 +129,10 @@ fn find_paths(
         let state = &batch.states[row * s..(row + 1) * s];
         let goal = &batch.goals[row * g..(row + 1) * g];
         let at = known.goals.place_of(state);
-        let around = known.goals.nearest_few(&at, FIRST_PLACES);
+        let mut around = known.goals.nearest_few(&at, FIRST_PLACES);
+        around.retain(|i| known.goals.is_like(*i, &at));
         let (Some((end, _)), Some(start)) = (goals.nearest(goal), around.first().copied()) else {
-            break;
+            continue;
         };
         let steps = |a: &usize| steps[end * places + a];
         if steps(&start).is_finite() && steps(&start) >= least {

@@ -8,7 +8,7 @@ use super::{Result, Trainer, fork_world, new_candidates, new_learner, new_rollou
 use crate::bridge::Candidates;
 use crate::env::{Change, EnvError, Environment, Region, Spec};
 use crate::job::Job;
-use crate::learn::{Replay, ReplaySizes};
+use crate::learn::{Axis, Replay, ReplaySizes};
 use crate::settings::Effect;
 use crate::store::Store;
 use crate::train::rollout::Rollout;
@@ -175,16 +175,23 @@ impl Trainer {
 
     pub(super) fn rebuild_candidates(&mut self, progress: &Job) {
         let mut fresh = new_candidates(&self.run, self.spec());
-        fresh.tell_apart_by(self.rollout.excursions.other_axes(self.spec()));
+        fresh.tell_apart_by(self.told_apart_by());
         self.candidates.reset_to(fresh);
         self.revisit_everything(progress);
         // The whole replay shows more paths than were known before.
         self.candidates.adapt_spacing();
     }
 
+    /// Returns what tells candidates apart beside the goal: nothing where plans are those of others.
+    pub(super) fn told_apart_by(&self) -> &[Axis] {
+        let has_kinds = self.run.method.bridges() && self.candidates.settings.verify_edges;
+        if has_kinds { self.rollout.excursions.other_axes(self.spec()) } else { &[] }
+    }
+
     /// Plans anew once more than the goal tells places apart.
     pub(super) fn tell_more_apart(&mut self) -> Result<()> {
-        self.rebuild_candidates(&Job::default());
+        let progress = self.job.part("telling places apart");
+        self.rebuild_candidates(&progress);
         self.rollout.discard_plans();
         self.replace_graph()
     }

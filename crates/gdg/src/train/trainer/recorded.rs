@@ -74,15 +74,16 @@ impl Trainer {
 
     /// Finds out what tells places apart from what the replay buffer has seen.
     fn note_recorded(&mut self) {
-        let mut rows: Vec<Option<Vec<f32>>> = Vec::new();
-        self.replay.visit_rows(|state, _, is_last| {
-            rows.push(Some(state.to_vec()));
-            rows.extend(is_last.then_some(None));
-        });
-        let steps =
-            rows.windows(2).filter_map(|pair| Some([pair[0].as_deref()?, pair[1].as_deref()?]));
         let Rollout { env, excursions, .. } = &mut self.rollout;
-        excursions.note_recorded(env.spec(), steps);
+        let spec = env.spec();
+        let mut before: Option<Vec<f32>> = None;
+        self.replay.visit_rows(|state, _, is_last| {
+            if let Some(from) = before.as_ref().filter(|_| spec.state_dim() > spec.goal_dim()) {
+                excursions.note_recorded(spec, [from, state]);
+            }
+            before = (!is_last).then(|| state.to_vec());
+        });
+        excursions.look(spec);
     }
 
     /// Leaves out leaps that chance may have decided; returns how many.
