@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("settings", 400),
     ("map", 3_800),
     ("env", 6_060),
-    ("learn", 8_380),
+    ("learn", 8_390),
     ("bridge", 3_910),
     ("train", 6_800),
     ("engine", 1_220),
