@@ -365,6 +365,47 @@ fn the_example_of_an_environment_of_ones_own_trains_and_its_tasks_are_far() {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn no_plan_leads_through_a_locked_door_without_the_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
+    let mut command = program(folder.path());
+    command.env("PYTHONPATH", &examples);
+    command.args(["--no-ui", "gym:key_room:KeyRoom-v0", "--python"]).arg(python());
+    command.args(["--max-updates", "9000", "--eval-tasks", "20", "--save", "key.safetensors"]);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    // Without the key, half of the goals are out of reach. Plans that take no account of it reach .75.
+    let last = records(&output, "evaluation").pop().unwrap();
+    let reached = last["planned"]["success"].as_f64().unwrap();
+    assert!(reached >= 0.9, "{last}");
+    let moved = records(&output, "progress").pop().unwrap()["goal_moved"].as_f64().unwrap();
+    assert!((0.5..=1.0).contains(&moved), "{moved}");
+    let mut export = program(folder.path());
+    export.args(["export-policy", "key.safetensors", "--plans", "--out", "policy.safetensors"]);
+    assert!(export.output().unwrap().status.success());
+    let walks = "
+import gymnasium, gdg_tui, key_room
+policy, env, reached = gdg_tui.load_policy('policy.safetensors'), gymnasium.make('KeyRoom-v0'), 0
+for seed in range(20):
+    seen, info = env.reset(seed=seed)
+    walk, ended = policy.walk(policy.goal(seen, info)), False
+    while not ended:
+        seen, reward, _, ended, info = env.step(walk.step(policy.state(seen)))
+        ended = ended or reward == 0
+    reached += reward == 0
+print(reached)";
+    let walks = Command::new(python())
+        .args(["-B", "-c", walks])
+        .env("PYTHONPATH", examples)
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let count: u32 = String::from_utf8_lossy(&walks.stdout).trim().parse().unwrap_or_default();
+    assert!(count >= 17, "{count} {}", stderr(&walks));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let free = [[-4.0, 4.0], [0.0, 2.0], [0.9, 2.9], [4.0, 0.0], [-4.9, -0.9]];

@@ -32,6 +32,7 @@ class Graph:
         self.achieved = achieved
         self.states = arrays["candidates"]
         self.points = self.states[:, achieved]
+        self.kinds = self.kinds_of(self.states)
         self.hops = arrays["hops"]
         count = len(self.states)
         start, end = arrays["edges.from"].astype(int), arrays["edges.to"].astype(int)
@@ -51,6 +52,20 @@ class Graph:
         """Returns costs as whole numbers of small parts of a step, for searches to add up."""
         units = np.asarray(costs, dtype=np.float32) * np.float32(self.rules.cost_units_per_step)
         return [int(unit) for unit in np.minimum(units, 2**32 - 1)]
+
+    def kinds_of(self, states: np.ndarray) -> np.ndarray:
+        """Returns what tells states apart beside the goal, (states, others)."""
+        others = [
+            np.floor(states[:, component].astype(np.float32) / np.float32(width))
+            for component, width in getattr(self.rules, "told_apart_by", [])
+        ]
+        return np.stack(others, axis=1) if others else np.zeros((len(states), 0))
+
+    def around(self, state: np.ndarray) -> np.ndarray:
+        """Returns a few of the candidates: those of the kind of `state` first, the nearest first."""
+        kinds = np.abs(self.kinds - self.kinds_of(state[None])).sum(axis=1)
+        order = np.lexsort((self.apart(self.points, state), kinds))
+        return order[: self.rules.link_candidates]
 
     def apart(self, points: np.ndarray, state: np.ndarray) -> np.ndarray:
         """Returns the straight-line distances of points from what `state` achieves, in single
@@ -95,6 +110,7 @@ class Graph:
             np.isfinite(ahead), rules.observed_penalty_steps, rules.reversed_penalty_steps
         )
         otherwise = length + penalty if rules.keep_observed_edges else np.inf
+        otherwise = np.where((self.kinds[start] == self.kinds[end]).all(axis=-1), otherwise, np.inf)
         return np.where(by_distance, distance, otherwise) + delay
 
     def shortest_paths(self, links: Sequence[tuple[int, int]]) -> tuple[np.ndarray, list[int]]:
@@ -127,8 +143,8 @@ class Route:
 
     costs: np.ndarray
     next: list[int]
-    nearest: int | None
-    """The candidate nearest to the goal by D."""
+    nearest: list[int]
+    """The candidate nearest to the goal by D, of each kind that there is near it."""
     links: list[tuple[int, int]]
     has_unverified_links: bool = False
 
@@ -242,7 +258,7 @@ class Walk:
         """Returns the best next target, and D to it: of nearby candidates the one that minimises D
         and the cost from there, or the goal if that is no longer.
         """
-        nearby = self._graph.nearby(self._graph.apart(self._graph.points, state))
+        nearby = self._graph.around(state)
         promising = self._promising(state, nearby)
         options = self._options(state, promising)
         waypoint = self._best_waypoint(state, options, True)
@@ -290,11 +306,14 @@ class Walk:
         goals = np.vstack([self._graph.points[nearby], self.goal])
         distances = self._critics.distances(np.repeat(state[None], len(goals), 0), goals)
         costs, direct = np.full(len(nearby), np.inf), np.inf
-        if len(nearby) > 0 and self._route.nearest is not None:
-            here = nearby[np.argmin(distances[:-1])]
-            ends = np.append(nearby, self._route.nearest)
-            both = self._graph.link_costs(here, ends, distances)
-            costs, direct = both[:-1], both[-1]
+        if len(nearby) > 0:
+            kinds = self._graph.kinds[nearby]
+            alike = (kinds == kinds[0]).all(axis=1)
+            here = nearby[np.argmin(np.where(alike, distances[:-1], np.inf))]
+            costs = self._graph.link_costs(here, nearby, distances[:-1])
+            for nearest in self._route.nearest:
+                straight = self._graph.link_costs(here, np.array([nearest]), distances[-1:])[0]
+                direct = min(direct, straight)
         return Options(nearby, distances[:-1], costs, distances[-1], direct)
 
     def _best_waypoint(
@@ -320,9 +339,15 @@ class Walk:
         """Finds the cheapest paths to the goal, with the links that may be planned."""
         graph, (nearby, distances) = self._graph, self._near_goal()
         if len(nearby) == 0:
-            return Route(np.empty(0), [], None, [])
-        nearest = int(nearby[np.argmin(distances)])
-        costs = graph.link_costs(nearby, nearest, distances) + graph.rules.hop_steps
+            return Route(np.empty(0), [], [], [])
+        by_kind: dict[tuple[float, ...], int] = {}
+        for i in nearby[np.argsort(distances, kind="stable")].tolist():
+            by_kind.setdefault(tuple(graph.kinds[i]), i)
+        nearest = list(by_kind.values())
+        costs = graph.rules.hop_steps + np.min(
+            [graph.link_costs(nearby, np.full(len(nearby), end), distances) for end in nearest],
+            axis=0,
+        )
         known = np.isfinite(costs)
         links = list(zip(nearby[known].tolist(), graph.cost_units(costs[known])))
         return Route(*graph.shortest_paths(links), nearest, links)

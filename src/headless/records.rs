@@ -44,6 +44,9 @@ pub enum Record {
         episodes: u64,
         updates_per_second: f64,
         left: Option<f64>,
+        /// Share of the latest steps that have moved the achieved goal.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        goal_moved: Option<f64>,
         losses: LossRecord,
     },
     Evaluation {
@@ -122,6 +125,7 @@ impl Record {
             episodes: counters.episodes,
             updates_per_second: round(updates_per_second(trainer)),
             left: left.map(round),
+            goal_moved: trainer.goal_moved().map(round),
             losses: LossRecord {
                 critic: Losses::known(losses.critic),
                 model: Losses::known(losses.model),

@@ -15,10 +15,10 @@ mod planner;
 mod settings;
 
 pub use candidates::Candidates;
-pub(crate) use excursion::{Excursion, Excursions};
+pub(crate) use excursion::Excursions;
 pub use graph::{BridgeGraph, Edge, EdgeStatus};
 pub(crate) use graph::{LINK_CANDIDATES, StoredGraph};
 pub(crate) use planner::Hop;
 pub use planner::{BridgePoint, Guide, SearchOutcome, SearchSpace, WalkTarget, Walker, search};
 pub use settings::{BridgeSettings, Planner, SEARCH_BUDGET};
-pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE};
+pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE, SEEK_SHARE};

@@ -21,7 +21,7 @@ mod tests;
 mod update;
 
 pub use data::batch::Batch;
-pub use data::goal_index::GoalIndex;
+pub use data::goal_index::{Axis, GoalIndex};
 pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, Relearning};
 pub(crate) use data::known::{NEAR_STEPS, WAYPOINT_STEPS};
 pub(crate) use data::replay::ReplaySizes;

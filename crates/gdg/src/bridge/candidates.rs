@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::{BridgeSettings, MAX_FACTOR};
 use crate::env::Spec;
-use crate::learn::GoalIndex;
+use crate::learn::{Axis, GoalIndex};
 use crate::store::{StoreError, planes};
 use paths::{AT_SHARE, HopOutcomes, KnownPaths, WalkedPath};
 
@@ -58,6 +58,8 @@ pub struct Candidates {
     pub(super) spec: Spec,
     #[serde(skip)]
     pub(crate) settings: BridgeSettings,
+    /// What tells candidates apart beside the goal.
+    others: Vec<Axis>,
     /// Whether space has turned out to be open.
     is_open: bool,
     spacing: f32,
@@ -97,10 +99,11 @@ impl Candidates {
         Self {
             spec: spec.clone(),
             settings: settings.clone(),
+            others: Vec::new(),
             is_open: false,
             spacing: settings.candidate_spacing * spec.goal_radius,
             states: Vec::new(),
-            goal_index: Arc::new(GoalIndex::new(spec)),
+            goal_index: Arc::new(GoalIndex::new(spec, &[])),
             ids: Vec::new(),
             next_id: 0,
             paths: Vec::new(),
@@ -110,12 +113,24 @@ impl Candidates {
         }
     }
 
+    /// Tells candidates apart by `others`, too. There must be none yet.
+    pub fn tell_apart_by(&mut self, others: &[Axis]) {
+        self.others = others.to_vec();
+        self.goal_index = Arc::new(GoalIndex::new(&self.spec, others));
+    }
+
+    /// Returns what tells candidates apart beside the goal.
+    pub fn others(&self) -> &[Axis] {
+        &self.others
+    }
+
     /// Returns a frozen copy without the agents' visits, for graphs to build on and share.
     #[must_use]
     pub fn frozen(&self) -> Arc<Self> {
         Arc::new(Self {
             spec: self.spec.clone(),
             settings: self.settings.clone(),
+            others: self.others.clone(),
             states: self.states.clone(),
             goal_index: self.goal_index.clone(),
             ids: self.ids.clone(),
@@ -294,11 +309,7 @@ impl Candidates {
     /// Returns the candidate nearest to `state` and its distance, which is infinite without
     /// candidates.
     fn nearest(&self, state: &[f32]) -> (usize, f32) {
-        self.goal_index.nearest(&self.achieved(state)).unwrap_or((0, f32::INFINITY))
-    }
-
-    fn achieved(&self, state: &[f32]) -> Vec<f32> {
-        self.spec.achieved(state).collect()
+        self.goal_index.nearest(&self.goal_index.place_of(state)).unwrap_or((0, f32::INFINITY))
     }
 
     /// Whether trajectories show that `state` is far from all candidates within `spacing`:
@@ -308,7 +319,7 @@ impl Candidates {
             return false;
         }
         let joined = |i, distance| self.may_be_joined(latest, i, distance + steps as f32);
-        !self.goal_index.any_within(&self.achieved(state), spacing, joined)
+        !self.goal_index.any_within(&self.goal_index.place_of(state), spacing, joined)
     }
 
     /// Whether candidates `i` and `j` may be joined by a path that is not much longer than
@@ -342,7 +353,7 @@ impl Candidates {
             }
         }
         self.states.extend(state);
-        let place = self.achieved(state);
+        let place = self.goal_index.place_of(state);
         Arc::make_mut(&mut self.goal_index).push(&place);
         self.ids.push(self.next_id);
         self.paths.push(Arc::default());
@@ -351,8 +362,19 @@ impl Candidates {
     }
 
     pub fn restore(&mut self, stored: Self) -> Result<(), StoreError> {
-        let Self { spacing, is_open, states, ids, next_id, paths, visits, clocks, hops, .. } =
-            stored;
+        let Self {
+            others,
+            spacing,
+            is_open,
+            states,
+            ids,
+            next_id,
+            paths,
+            visits,
+            clocks,
+            hops,
+            ..
+        } = stored;
         let n = ids.len();
         let visits_fit = visits.iter().zip(&clocks).all(|(visits, clock)| {
             visits.iter().is_sorted_by_key(|visit| visit.step)
@@ -367,6 +389,7 @@ impl Candidates {
             && paths.len() == n
             && paths.iter().enumerate().all(|(from, paths)| paths.fit(from, n))
             && [visits.len(), clocks.len()] == [self.clocks.len(); 2]
+            && others.iter().all(|axis| axis.fits(&self.spec))
             && visits_fit;
         StoreError::unless(fits, "the stored bridge candidates do not fit these settings")?;
         // The spacing never falls below its initial value; from far below, it would take hours to
@@ -376,11 +399,12 @@ impl Candidates {
             && states.iter().all(|v| v.is_finite())
             && hops.is_plausible();
         StoreError::unless(plausible, "the stored bridge candidates contain values out of range")?;
-        let mut goal_index = GoalIndex::new(&self.spec);
+        let mut goal_index = GoalIndex::new(&self.spec, &others);
         for state in states.chunks_exact(self.spec.state_dim()) {
-            goal_index.push(&self.achieved(state));
+            goal_index.push(&goal_index.place_of(state));
         }
         self.goal_index = Arc::new(goal_index);
+        self.others = others;
         (self.spacing, self.is_open, self.states) = (spacing, is_open, states);
         (self.ids, self.next_id, self.paths) = (ids, next_id, paths);
         (self.visits, self.clocks, self.hops) = (visits, clocks, hops);

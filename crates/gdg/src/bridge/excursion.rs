@@ -1,14 +1,19 @@
 //! Excursions: agents that explore beyond the frontier of what has been visited.
 
+mod axes;
 mod places;
+mod seek;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::env::Spec;
+use crate::learn::{Axis, Policy, Scratch};
 use crate::store::StoreError;
+use axes::{Moves, goal_moves};
 use places::{NO_FRONTIER, Places};
+use seek::{GoalMoves, Seek};
 
 /// An excursion ends after this many actions without a new place, each held as long as it takes.
 /// The way to the frontier has an additional allowance.
@@ -51,10 +56,13 @@ struct Held {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Excursions {
     pub(crate) places: Places,
+    moves: Moves,
+    goal_moves: GoalMoves,
     #[serde(skip)]
     held_steps: u32,
     at: Vec<Option<usize>>,
-    pub(crate) under_way: Vec<Option<Excursion>>,
+    under_way: Vec<Option<Excursion>>,
+    seeks: Vec<Option<Seek>>,
     /// Mean share of agents on an excursion lately, and the number of rounds averaged, at most
     /// [`SHARE_ROUNDS`]; older ones fade.
     spent: (f64, u32),
@@ -62,15 +70,66 @@ pub struct Excursions {
 
 impl Excursions {
     pub fn new(spec: &Spec, agents: usize) -> Self {
+        let places = Places::new(spec);
         Self {
-            places: Places::new(spec),
-            // As many as cross a place by the smallest stride.
-            held_steps: ((spec.goal_radius / (MIN_STRIDE * spec.largest_change())).round() as u32)
-                .clamp(HELD_STEPS[0], HELD_STEPS[1]),
+            held_steps: held_steps(&places),
+            places,
+            moves: Moves::new(spec),
+            goal_moves: GoalMoves::default(),
             at: vec![None; agents],
             under_way: vec![None; agents],
+            seeks: vec![None; agents],
             spent: (0.0, 0),
         }
+    }
+
+    /// Takes note of a step of any agent. What matters beside the goal is found out from many: then
+    /// the places are other ones, and all excursions end; returns whether.
+    pub fn note(
+        &mut self,
+        agent: usize,
+        spec: &Spec,
+        [state, next]: [&[f32]; 2],
+        action: &[f32],
+    ) -> bool {
+        if spec.state_dim() == spec.goal_dim() {
+            return false;
+        }
+        let goal_has_moved = goal_moves(spec, state, next);
+        if let Some(seek) = &mut self.seeks[agent] {
+            seek.note(goal_has_moved);
+        }
+        if goal_has_moved && self.moves.goal_rests() {
+            self.goal_moves.push(spec, [state, next], action);
+        }
+        self.moves.note(spec, state, next) && self.look(spec)
+    }
+
+    /// Takes note of recorded `steps`, states and those that follow; returns whether places are
+    /// other ones now.
+    pub fn note_recorded<'a>(
+        &mut self,
+        spec: &Spec,
+        steps: impl Iterator<Item = [&'a [f32]; 2]>,
+    ) -> bool {
+        for [state, next] in steps.filter(|_| spec.state_dim() > spec.goal_dim()) {
+            self.moves.note(spec, state, next);
+        }
+        self.look(spec)
+    }
+
+    /// Looks what matters beside the goal; returns whether places are other ones now.
+    fn look(&mut self, spec: &Spec) -> bool {
+        let Some(axes) = self.moves.more_axes(spec, self.places.axes()) else { return false };
+        self.places = Places::along(spec, axes);
+        self.held_steps = held_steps(&self.places);
+        self.end_all();
+        true
+    }
+
+    /// Returns what tells places apart beside the goal.
+    pub fn other_axes(&self, spec: &Spec) -> &[Axis] {
+        &self.places.axes()[spec.goal_dim()..]
     }
 
     /// Whether agents have lately spent less than `share` of their steps on excursions. Counting
@@ -80,7 +139,8 @@ impl Excursions {
     }
 
     pub(crate) fn count_steps(&mut self) {
-        let on = self.under_way.iter().flatten().count() as f64 / self.under_way.len() as f64;
+        let agents = self.at.len();
+        let on = (0..agents).filter(|agent| self.is_on(*agent)).count() as f64 / agents as f64;
         let (share, rounds) = &mut self.spent;
         *rounds = (*rounds + 1).min(SHARE_ROUNDS);
         *share += (on - *share) / f64::from(*rounds);
@@ -98,6 +158,7 @@ impl Excursions {
     pub fn arrive(&mut self, agent: usize, state: &[f32]) {
         let visited = self.places.visit(state);
         self.at[agent] = visited.map(|(place, _)| place);
+        self.seeks[agent] = self.seeks[agent].take().filter(|seek| seek.left > 0);
         let Some(mut excursion) = self.under_way[agent].take() else { return };
         let ended = match visited {
             None => true,
@@ -124,7 +185,20 @@ impl Excursions {
 
     /// Writes the next action of `agent` to `action`, `(action_dim)`, if it is on an excursion;
     /// returns whether it is.
-    pub fn act(&mut self, agent: usize, action: &mut [f32], rng: &mut ChaCha8Rng) -> bool {
+    pub fn act(
+        &mut self,
+        agent: usize,
+        (spec, state): (&Spec, &[f32]),
+        action: &mut [f32],
+        policy: &dyn Policy,
+        rng: &mut ChaCha8Rng,
+        scratch: &mut Scratch,
+    ) -> bool {
+        if let Some(seek) = &mut self.seeks[agent] {
+            let moves = &self.goal_moves;
+            action.copy_from_slice(seek.act(spec, moves, state, policy, rng, scratch));
+            return true;
+        }
         let (Some(at), Some(excursion)) = (self.at[agent], &mut self.under_way[agent]) else {
             return false;
         };
@@ -141,9 +215,50 @@ impl Excursions {
         true
     }
 
+    /// Goes on with the places of other agents in the same world.
+    pub(crate) fn keep_places_of(&mut self, others: Self) {
+        (self.places, self.held_steps) = (others.places, others.held_steps);
+        (self.moves, self.goal_moves) = (others.moves, others.goal_moves);
+    }
+
     pub(crate) fn end_all(&mut self) {
         self.at.fill(None);
         self.under_way.fill(None);
+        self.seeks.fill(None);
+    }
+
+    /// Whether `agent` is on an excursion.
+    pub(crate) fn is_on(&self, agent: usize) -> bool {
+        self.under_way[agent].is_some() || self.seeks[agent].is_some()
+    }
+
+    pub(crate) fn set_out(&mut self, agent: usize) {
+        if self.moves.goal_rests() {
+            self.seeks[agent] = Some(Seek::new());
+        } else {
+            self.under_way[agent] = Some(Excursion::default());
+        }
+    }
+
+    pub(crate) fn end(&mut self, agent: usize) {
+        (self.under_way[agent], self.seeks[agent]) = (None, None);
+    }
+
+    /// Whether what has to be moved to the goal seldom moves.
+    pub(crate) fn goal_rests(&self) -> bool {
+        self.moves.goal_rests()
+    }
+
+    /// Returns how far a step moves the achieved goal if it does, where it has seldom moved; 0
+    /// elsewhere.
+    pub fn goal_step(&self) -> f32 {
+        self.goal_moves.typical()
+    }
+
+    /// Returns the share of the latest steps that have moved the achieved goal; `None` where the
+    /// goal is the whole state.
+    pub fn goal_share(&self) -> Option<f64> {
+        self.moves.goal_share()
     }
 
     pub(crate) fn forget_outcomes(&mut self) {
@@ -152,26 +267,33 @@ impl Excursions {
     }
 
     pub fn restore(&mut self, spec: &Spec, stored: Self) -> Result<(), StoreError> {
-        let Self { places, at, under_way, spent, .. } = stored;
+        let Self { places, moves, goal_moves, at, under_way, seeks, spent, .. } = stored;
         let places = places.restored(spec)?;
+        let held_steps = held_steps(&places);
         let known = |place: &usize| *place < places.len();
         let fits = |excursion: &Excursion| {
             let held = excursion.held.is_none_or(|held| {
-                known(&held.from)
-                    && held.action < 2 * spec.action_dim
-                    && held.steps <= self.held_steps
+                known(&held.from) && held.action < 2 * spec.action_dim && held.steps <= held_steps
             });
             held && excursion.left != Some(0)
         };
-        let all_fit = [at.len(), under_way.len()] == [self.at.len(); 2]
+        let all_fit = [at.len(), under_way.len(), seeks.len()] == [self.at.len(); 3]
+            && seeks.iter().flatten().all(|seek| seek.fits(spec))
             && at.iter().flatten().all(known)
             && under_way.iter().flatten().all(fits)
             && (0.0..=1.0).contains(&spent.0)
+            && moves.fit(spec)
+            && goal_moves.fit(spec)
             && spent.1 <= SHARE_ROUNDS;
         StoreError::unless(all_fit, "the stored excursions do not fit the agents")?;
-        *self = Self { places, at, under_way, spent, ..*self };
+        *self = Self { places, moves, goal_moves, held_steps, at, under_way, seeks, spent };
         Ok(())
     }
+}
+
+/// Returns the steps for which an action is held: as many as cross a place by the smallest stride.
+fn held_steps(places: &Places) -> u32 {
+    (places.steps_across(MIN_STRIDE).round() as u32).clamp(HELD_STEPS[0], HELD_STEPS[1])
 }
 
 #[cfg(test)]

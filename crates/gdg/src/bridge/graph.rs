@@ -205,15 +205,18 @@ impl BridgeGraph {
     }
 
     /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal
-    /// near `to`; `None` if it may not be used. Links are verified like edges, by the candidates
+    /// near one of `to`; `None` if it may not be used. Links are verified like edges, by the candidates
     /// nearest to their ends.
     pub(super) fn link(
         &self,
         from: Option<usize>,
-        to: Option<usize>,
+        to: &[usize],
         distance: f32,
     ) -> Option<PlannedEdge> {
-        PlannedEdge::new(&self.candidates, from?, to?, distance)
+        let from = from?;
+        let links =
+            to.iter().filter_map(|to| PlannedEdge::new(&self.candidates, from, *to, distance));
+        links.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 }
 
@@ -268,7 +271,7 @@ impl<'a> DistanceRows<'a> {
         let candidates = self.candidates;
         if !candidates.settings.verify_edges {
             let index = candidates.goal_index();
-            let near = index.nearest_few(index.goal(from), LINK_CANDIDATES);
+            let near = index.nearest_few(index.place(from), LINK_CANDIDATES);
             return near.into_iter().filter(|to| *to != from).collect();
         }
         let back = self.observed_into.get(from).into_iter().flatten().map(|to| *to as usize);
@@ -332,7 +335,9 @@ impl PlannedEdge {
         if distance < settings.edge_cutoff_steps && (verified || !settings.verify_edges) {
             return Some(Self { length: distance, cost: distance + delay });
         }
-        if !settings.keep_observed_edges {
+        // Whoever heads for a place that the goal does not tell apart may pass by what has to be done
+        // first: only where the straight way takes as long as the observed one is it the same way.
+        if !settings.keep_observed_edges || !candidates.goal_index().are_alike(from, to) {
             return None;
         }
         let (steps, penalty) = match (observed, candidates.observed(to, from)) {
@@ -391,6 +396,29 @@ mod tests {
         assert_eq!([link(0, 1, 0.5), link(0, 1, 50.0), link(1, 0, 2.0)], [None; 3]);
         candidates.settings.verify_edges = false;
         assert_eq!(PlannedEdge::new(&candidates, 1, 0, 2.0), known(2.0, 2.0));
+    }
+
+    #[test]
+    fn what_has_to_be_done_first_is_never_left_out() {
+        let (spec, settings) = crate::bridge::candidates::tests::line(20);
+        let spec = Spec { achieved: vec![0], action_dim: 1, ..spec };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        candidates.tell_apart_by(&[crate::learn::Axis { component: 1, width: 0.5, step: 0.5 }]);
+        // To a key at 10 and back.
+        for (x, key) in (0..=10).map(|x| (x, 0.0)).chain((0..10).rev().map(|x| (x, 1.0))) {
+            let state = [x as f32, key];
+            candidates.visit(0, &state, &state);
+        }
+        let at = |x: f32, key: f32| {
+            let place = candidates.goal_index().place_of(&[x, key]);
+            candidates.goal_index().nearest(&place).expect("a candidate").0
+        };
+        let [start, with_key, key] = [at(0.0, 0.0), at(0.0, 1.0), at(10.0, 0.0)];
+        assert!(candidates.observed(start, with_key) != UNOBSERVED);
+        let link = |from, to, distance| PlannedEdge::new(&candidates, from, to, distance);
+        assert_eq!(link(start, with_key, 0.0), None, "D to the place leaves the key out");
+        assert_eq!(link(with_key, start, 0.0), None, "the key is not lost again");
+        assert!(link(start, key, 10.0).is_some());
     }
 
     #[test]

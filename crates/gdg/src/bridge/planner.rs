@@ -94,7 +94,8 @@ impl Walker {
     /// Continues a walk of a checkpoint on `graph`: finds the paths to its goal again.
     pub fn restore(&mut self, graph: &BridgeGraph) -> Result<(), StoreError> {
         let Route { goal, nearest, links, has_unverified_links, .. } = &mut self.route;
-        let mut candidates = links.iter().map(|(i, _)| *i as usize).chain(*nearest).chain(self.at);
+        let mut candidates =
+            links.iter().map(|(i, _)| *i as usize).chain(nearest.iter().copied()).chain(self.at);
         let mut targets = self.target.iter().chain(self.banned.iter().map(|(target, _)| target));
         let known = |i: usize| i < graph.candidates().len();
         let fits = candidates.all(known)
@@ -103,7 +104,7 @@ impl Walker {
             && goal.iter().chain([&self.distance]).all(|v| v.is_finite())
             && !self.remaining.is_nan();
         StoreError::unless(fits, "a stored walk does not fit its bridge graph")?;
-        let route = graph.route_from_links(goal, *nearest, std::mem::take(links));
+        let route = graph.route_from_links(goal, std::mem::take(nearest), std::mem::take(links));
         self.route = Route { has_unverified_links: *has_unverified_links, ..route };
         Ok(())
     }
@@ -399,6 +400,7 @@ impl BridgeGraph {
             "lookahead": lookahead,
             "window_steps": self.candidates.settings.window_steps(),
             "unobserved": UNOBSERVED,
+            "told_apart_by": self.candidates.others().iter().map(|axis| (axis.component, axis.width)).collect::<Vec<_>>(),
             "link_candidates": LINK_CANDIDATES,
             "nearest_candidates": NEAREST_CANDIDATES,
             "promising_candidates": PROMISING_CANDIDATES,

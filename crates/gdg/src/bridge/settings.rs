@@ -7,6 +7,9 @@ use crate::settings::{Auto, Values, settings, without};
 /// Automatic share of excursions while there is anything left to try.
 pub(crate) const FRONTIER_SHARE: f32 = 0.5;
 
+/// The same where the achieved goal seldom moves: goals teach nothing there.
+pub(crate) const SEEK_SHARE: f32 = 0.8;
+
 /// Automatic share of excursions afterwards, as a door may open at any time.
 pub(crate) const EXPLORED_SHARE: f32 = 0.05;
 
@@ -86,7 +89,8 @@ settings! {
             /// The comparison with rivals leaves out excursions.
             frontier_epsilon: Auto<f32> = Auto::AUTO, Paper | Tuned | Sb3 => Auto::Given(0.0);
                 "share of their steps that agents spend on exploring beyond the frontier; auto: \
-                 0.5 while there is anything left to try, 0.05 afterwards",
+                 0.8 where what has to be achieved seldom moves, 0.5 while there is anything left to \
+                 try, 0.05 afterwards",
                 values: Values::measure("a share", 0.0, 1.0).or_auto(),
                 ablation: without("no excursions", "0");
         }

@@ -24,7 +24,12 @@ const SURE_COUNT: usize = 16;
 const SURE_SHARE: f32 = 0.9;
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Leaps(VecDeque<Leap>);
+pub struct Leaps {
+    known: VecDeque<Leap>,
+    /// How far a step moves the achieved goal if it does, where it seldom moves and a first look has
+    /// hardly seen it move; 0 elsewhere.
+    pub typical: f32,
+}
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Leap {
@@ -34,50 +39,51 @@ struct Leap {
 
 impl Leaps {
     pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.known.is_empty()
     }
 
     pub fn fit(&self, spec: &Spec) -> bool {
         let fits = |numbers: &[f32], length: usize| {
             numbers.len() == length && numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE)
         };
-        self.0.len() <= MOST_LEAPS
+        self.typical.abs() <= MAX_MAGNITUDE
+            && self.known.len() <= MOST_LEAPS
             && self
-                .0
+                .known
                 .iter()
                 .all(|leap| fits(&leap.from, spec.goal_dim()) && fits(&leap.to, spec.goal_dim()))
     }
 
     pub fn note(&mut self, spec: &Spec, state: &[f32], next: &[f32]) {
-        if !is_leap(spec, state, next) {
+        if !self.is_leap(spec, state, next) {
             return;
         }
-        if self.0.len() == MOST_LEAPS {
-            self.0.pop_front();
+        if self.known.len() == MOST_LEAPS {
+            self.known.pop_front();
         }
         let [from, to] = [state, next].map(|state| spec.achieved(state).collect());
-        self.0.push_back(Leap { from, to });
+        self.known.push_back(Leap { from, to });
     }
 
     /// Returns whether the step from `state` to `next` counts: any but a leap that chance may have
     /// decided.
     pub fn is_sure(&self, spec: &Spec, state: &[f32], next: &[f32]) -> bool {
-        if !is_leap(spec, state, next) {
+        if !self.is_leap(spec, state, next) {
             return true;
         }
         let (mut all, mut same) = (0, 0);
-        for leap in self.0.iter().filter(|leap| spec.reached(state, &leap.from)) {
+        for leap in self.known.iter().filter(|leap| spec.reached(state, &leap.from)) {
             all += 1;
             same += usize::from(spec.goal_distance(next, &leap.to) < 2.0 * spec.goal_radius);
         }
         all >= SURE_COUNT && same as f32 >= SURE_SHARE * all as f32
     }
-}
 
-fn is_leap(spec: &Spec, state: &[f32], next: &[f32]) -> bool {
-    let far = LEAP_STEPS * spec.largest_change();
-    spec.position_scale.is_some()
-        && spec.achieved(state).zip(spec.achieved(next)).any(|(a, b)| (a - b).abs() > far)
+    fn is_leap(&self, spec: &Spec, state: &[f32], next: &[f32]) -> bool {
+        let far = LEAP_STEPS * spec.largest_change().max(self.typical);
+        spec.position_scale.is_some()
+            && spec.achieved(state).zip(spec.achieved(next)).any(|(a, b)| (a - b).abs() > far)
+    }
 }
 
 #[cfg(test)]
@@ -106,6 +112,12 @@ mod tests {
         ] {
             assert_eq!(leaps.is_sure(&spec, &from, &to), counts, "{case}");
         }
+        // A push is none where a first look has hardly seen the object move.
+        let pushes = Leaps { typical: 5.0, ..Leaps::default() };
+        let to = |x: f32| pushes.is_sure(&spec, &[0.0, 0.0], &[x, 0.0]);
+        assert!(
+            to(40.0) && !to(41.0) && !Leaps::default().is_sure(&spec, &[0.0, 0.0], &[40.0, 0.0])
+        );
         // Nor is anything a leap where goals are no places.
         let spec = Spec { position_scale: None, ..spec };
         assert!(Leaps::default().is_sure(&spec, &[0.0, 0.0], &[90.0, 0.0]));

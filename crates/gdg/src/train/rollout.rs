@@ -11,8 +11,8 @@ use super::TrainError;
 use super::leaps::Leaps;
 use super::settings::{RANDOM_HOLD_STEPS, Settings};
 use crate::bridge::{
-    BridgeGraph, Candidates, EXPLORED_SHARE, Excursion, Excursions, FRONTIER_SHARE, Guide, Hop,
-    SEARCH_BUDGET, SearchOutcome, SearchSpace, Walker, search,
+    BridgeGraph, Candidates, EXPLORED_SHARE, Excursions, FRONTIER_SHARE, Guide, Hop, SEARCH_BUDGET,
+    SEEK_SHARE, SearchOutcome, SearchSpace, Walker, search,
 };
 use crate::env::{EnvError, EnvSettings, Environment, Goals, MAX_MAGNITUDE, Restart};
 use crate::learn::{Acting, Replay, Scratch};
@@ -84,6 +84,8 @@ pub struct Rollout {
 pub struct RoundResult {
     pub episodes: u64,
     pub reached: u64,
+    /// Whether places that were one are several from now on.
+    pub tells_more: bool,
 }
 
 impl Rollout {
@@ -177,7 +179,10 @@ impl Rollout {
         for (i, (agent, action)) in
             self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)).enumerate()
         {
-            if self.excursions.act(i, action, rng) {
+            let (spec, policy) = (self.env.spec(), context.guide.policy);
+            let state = &self.env.states()[i * spec.state_dim()..(i + 1) * spec.state_dim()];
+            let scratch = &mut self.scratch;
+            if self.excursions.act(i, (spec, state), action, policy, rng, scratch) {
                 agent.held = None;
                 continue;
             }
@@ -232,7 +237,9 @@ impl Rollout {
         for (i, (agent, (state, next))) in self.agents.iter().zip(steps).enumerate() {
             let action = &actions[i * a..(i + 1) * a];
             context.candidates.visit(i, state, next);
+            self.leaps.typical = self.excursions.goal_step();
             self.leaps.note(spec, state, next);
+            result.tells_more |= self.excursions.note(i, spec, [state, next], action);
             if self.leaps.is_sure(spec, state, next) {
                 context.replay.push(i, state, action, &agent.goal);
             } else {
@@ -246,7 +253,7 @@ impl Rollout {
             self.agents[i].steps = self.agents[i].steps.saturating_add(1);
             let own = if self.agents[i].steps >= context.episode_steps || has_ended {
                 self.end_episode(i, context, &mut result)
-            } else if self.excursions.under_way[i].is_some() {
+            } else if self.excursions.is_on(i) {
                 Ok(())
             } else {
                 self.end_pursuit(i, context, &mut result)
@@ -379,9 +386,9 @@ impl Rollout {
         }
         let s = self.env.spec().state_dim();
         for i in 0..self.agents.len() {
-            let was_on = self.excursions.under_way[i].is_some();
+            let was_on = self.excursions.is_on(i);
             self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
-            if was_on && self.excursions.under_way[i].is_none() {
+            if was_on && !self.excursions.is_on(i) {
                 self.choose_goal(i, context)?;
             }
         }
@@ -490,7 +497,7 @@ impl Rollout {
         self.choose_goal(i, context)?;
         if context.bridges
             && self.chance(context.settings.bridge.bridge_epsilon)
-            && self.excursions.under_way[i].is_none()
+            && !self.excursions.is_on(i)
             && let Some(point) = self.search_bridge(i, context)
         {
             let agent = &mut self.agents[i];
@@ -515,10 +522,14 @@ impl Rollout {
         }
         if context.bridges {
             let bridge = &context.settings.bridge;
-            let has_frontier = self.excursions.places.has_frontier();
-            let share = if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE };
+            let share = match (self.excursions.goal_rests(), self.excursions.places.has_frontier())
+            {
+                (true, _) => SEEK_SHARE,
+                (false, true) => FRONTIER_SHARE,
+                (false, false) => EXPLORED_SHARE,
+            };
             if self.excursions.are_due(bridge.frontier_epsilon.given().unwrap_or(share)) {
-                self.excursions.under_way[i] = Some(Excursion::default());
+                self.excursions.set_out(i);
             } else if self.chance(bridge.planned_episodes) {
                 self.plan(i, context);
             }
@@ -587,7 +598,7 @@ impl Rollout {
         let agent = &mut self.agents[i];
         (agent.steps, agent.held, agent.after_bridge, agent.give_up_at) = (0, None, None, 0);
         self.plans[i] = None;
-        self.excursions.under_way[i] = None;
+        self.excursions.end(i);
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }
 }

@@ -191,6 +191,10 @@ impl Trainer {
         self.visits.scene(self.world())
     }
 
+    pub fn goal_moved(&self) -> Option<f64> {
+        self.rollout.excursions().goal_share().filter(|_| self.acts())
+    }
+
     pub fn coverage(&self) -> Option<f64> {
         self.visits.coverage(self.world())
     }
@@ -367,6 +371,9 @@ impl Trainer {
         self.counters.env_steps += self.round_steps();
         self.counters.episodes += round.episodes;
         self.counters.goals_reached += round.reached;
+        if round.tells_more {
+            self.tell_more_apart()?;
+        }
         Ok(round)
     }
 

@@ -95,7 +95,7 @@ impl Candidates {
                 reached.take_while(|place| place.total_cost as f32 <= self.longest_way(reach));
             let steps: HashMap<u32, u32> =
                 reached.map(|place| (place.node, place.total_cost)).collect();
-            self.goal_index.for_each_within(self.goal_index.goal(i), reach, |j, distance| {
+            self.goal_index.for_each_within(self.goal_index.place(i), reach, |j, distance| {
                 close += 1;
                 joined += u32::from(
                     steps.get(&(j as u32)).is_some_and(|s| *s as f32 <= self.longest_way(distance)),
@@ -110,9 +110,9 @@ impl Candidates {
     pub(super) fn move_apart(&mut self) {
         self.spacing *= SPACING_GROWTH;
         let full = self.len() >= self.settings.max_candidates();
-        let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
+        let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec, &self.others));
         for i in 0..self.len() {
-            let place = self.goal_index.goal(i);
+            let place = self.goal_index.place(i);
             let too_close = |k: usize, distance| full || self.may_be_joined(i, kept[k], distance);
             if !places.any_within(place, self.spacing, too_close) {
                 kept.push(i);
@@ -127,8 +127,8 @@ impl Candidates {
         let s = self.spec.state_dim();
         let mut new_index = vec![None; self.len()];
         kept.iter().enumerate().for_each(|(new, old)| new_index[*old] = Some(new as u32));
-        let mut places = GoalIndex::new(&self.spec);
-        kept.iter().for_each(|i| places.push(self.goal_index.goal(*i)));
+        let mut places = GoalIndex::new(&self.spec, &self.others);
+        kept.iter().for_each(|i| places.push(self.goal_index.place(*i)));
         let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
         let paths = kept.iter().map(|i| {
             let KnownPaths { observed, practice } = &*self.paths[*i];

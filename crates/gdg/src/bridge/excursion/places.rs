@@ -6,8 +6,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::axes::goal_axes;
 use crate::env::Spec;
-use crate::learn::axis_actions;
+use crate::learn::{Axis, axis_actions};
 use crate::store::StoreError;
 
 /// Failed attempts in a row after which an action counts as blocked, at first.
@@ -32,8 +33,8 @@ pub const NO_FRONTIER: u32 = u32::MAX;
 /// An action that has led to no other place yet.
 const NOWHERE: u32 = u32::MAX;
 
-/// A grid over the achieved goals, one goal radius wide: the cells that agents have visited, and
-/// what each of a fixed set of actions has led to there.
+/// A grid over the achieved goals and what else matters: the cells that agents have visited, and what
+/// each of a fixed set of actions has led to there.
 ///
 /// An action that has not been tried at a place is expected to lead to the neighbour in the
 /// direction in which it has led elsewhere. If that neighbour is unvisited, the place is at the
@@ -47,7 +48,9 @@ pub struct Places {
     actions: Vec<f32>,
     #[serde(skip)]
     index: HashMap<Box<[i32]>, u32>,
-    /// Coordinates of each place in the grid, `(places, goal_dim)`.
+    /// What the grid is over: the goal's components first.
+    axes: Vec<Axis>,
+    /// Coordinates of each place in the grid, `(places, axes)`.
     keys: Vec<i32>,
     /// Place that each action leads to, or [`NOWHERE`], `(places, actions)`.
     to: Vec<u32>,
@@ -57,7 +60,7 @@ pub struct Places {
     /// Actions from each place to the frontier, computed by [`Self::measure`] and corrected by
     /// [`Self::record`], `(places)`.
     ahead: Vec<u32>,
-    /// Sum of the changes of coordinates that each action has brought, `(actions, goal_dim)`.
+    /// Sum of the changes of coordinates that each action has brought, `(actions, axes)`.
     moved: Vec<i64>,
     enough_attempts: u16,
     measure_in: usize,
@@ -72,6 +75,11 @@ enum ActionOutcome {
 
 impl Places {
     pub fn new(spec: &Spec) -> Self {
+        Self::along(spec, goal_axes(spec))
+    }
+
+    /// Without any place, in a grid over `axes`.
+    pub fn along(spec: &Spec, axes: Vec<Axis>) -> Self {
         Self {
             actions: axis_actions(spec.action_dim),
             index: HashMap::new(),
@@ -79,11 +87,16 @@ impl Places {
             to: Vec::new(),
             attempts: Vec::new(),
             ahead: Vec::new(),
-            moved: vec![0; 2 * spec.action_dim * spec.goal_dim()],
+            moved: vec![0; 2 * spec.action_dim * axes.len()],
             enough_attempts: MIN_ATTEMPTS,
             measure_in: 0,
+            axes,
             spec: spec.clone(),
         }
+    }
+
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
     }
 
     pub fn len(&self) -> usize {
@@ -99,13 +112,14 @@ impl Places {
     }
 
     fn key(&self, place: usize) -> &[i32] {
-        let g = self.spec.goal_dim();
+        let g = self.axes.len();
         &self.keys[place * g..(place + 1) * g]
     }
 
     /// Returns the centre of `place` as a goal, `(goal_dim)`.
     pub fn centre(&self, place: usize) -> Vec<f32> {
-        self.key(place).iter().map(|k| (*k as f32 + 0.5) * self.spec.goal_radius).collect()
+        let of_goal = &self.key(place)[..self.spec.goal_dim()];
+        of_goal.iter().map(|k| (*k as f32 + 0.5) * self.spec.goal_radius).collect()
     }
 
     /// Returns the place of `state` and whether it is new; `None` if it is new and there is no
@@ -116,8 +130,7 @@ impl Places {
             self.measure_in = MEASURE_EVERY.max(self.len());
         }
         self.measure_in -= 1;
-        let key: Box<[i32]> =
-            self.spec.achieved(state).map(|v| (v / self.spec.goal_radius).floor() as i32).collect();
+        let key: Box<[i32]> = self.axes.iter().map(|axis| axis.cell(state)).collect();
         if let Some(place) = self.index.get(&key) {
             return Some((*place as usize, false));
         }
@@ -138,7 +151,7 @@ impl Places {
     /// Records that `action` led from place `from` to place `to`, which are the same if it left the
     /// agent there.
     pub fn record(&mut self, from: usize, action: usize, to: usize) {
-        let (count, g) = (self.action_count(), self.spec.goal_dim());
+        let (count, g) = (self.action_count(), self.axes.len());
         let at = from * count + action;
         let attempts = self.attempts[at].saturating_add(1);
         if from == to {
@@ -163,6 +176,11 @@ impl Places {
         self.ahead[from] = self.least_ahead(from);
     }
 
+    /// Returns the steps that cross a place along its longest side, at this share of an action.
+    pub fn steps_across(&self, stride: f32) -> f32 {
+        self.axes.iter().map(|axis| axis.width / (stride * axis.step)).fold(0.0, f32::max)
+    }
+
     fn offset(&self, from: usize, to: usize) -> Vec<i64> {
         let ends = self.key(from).iter().zip(self.key(to));
         ends.map(|(from, to)| i64::from(*to) - i64::from(*from)).collect()
@@ -170,7 +188,7 @@ impl Places {
 
     /// Returns the direction in which `action` has led; `None` if it has led nowhere.
     fn direction(&self, action: usize) -> Option<Vec<i32>> {
-        let g = self.spec.goal_dim();
+        let g = self.axes.len();
         direction(&self.moved[action * g..(action + 1) * g])
     }
 
@@ -178,9 +196,10 @@ impl Places {
     /// leads to another direction, but not far.
     fn is_astray(&self, from: usize, action: usize, to: usize) -> bool {
         let (along, offset) = (self.direction(action), self.offset(from, to));
-        let longest = offset.iter().map(|moved| moved.unsigned_abs()).max().unwrap_or(0);
-        let noise_steps =
-            (longest as f32 - 1.0) * self.spec.goal_radius / self.spec.largest_change();
+        let steps = |(axis, moved): (&Axis, &i64)| {
+            (moved.unsigned_abs() as f32 - 1.0) * axis.width / axis.step
+        };
+        let noise_steps = self.axes.iter().zip(&offset).map(steps).fold(0.0, f32::max);
         along.is_some() && along != direction(&offset) && noise_steps <= MAX_NOISE_STEPS
     }
 
@@ -332,11 +351,13 @@ impl Places {
     }
 
     pub fn restored(mut self, spec: &Spec) -> Result<Self, StoreError> {
-        let fresh = Self::new(spec);
-        let (count, actions, g) = (self.len(), fresh.action_count(), spec.goal_dim());
+        let fresh = Self::along(spec, std::mem::take(&mut self.axes));
+        let (count, actions, g) = (self.len(), fresh.action_count(), fresh.axes.len());
         let exits = count * actions;
         // Far from overflow, as one action changes a coordinate by few units.
         let fits = count <= MAX_PLACES
+            && fresh.axes.starts_with(&goal_axes(spec))
+            && fresh.axes.iter().all(|axis| axis.fits(spec))
             && self.moved.len() == fresh.moved.len()
             && self.moved.iter().all(|sum| sum.unsigned_abs() < 1 << 60)
             && self.keys.len() == count * g
@@ -350,7 +371,7 @@ impl Places {
         }
         let fits = fits && self.index.len() == count;
         StoreError::unless(fits, "the stored places do not fit this world")?;
-        Ok(Self { spec: fresh.spec, actions: fresh.actions, ..self })
+        Ok(Self { spec: fresh.spec, actions: fresh.actions, axes: fresh.axes, ..self })
     }
 }
 

@@ -88,7 +88,8 @@ pub struct Route {
     /// The edge to that successor, as its place in the list of incoming edges.
     #[serde(skip)]
     pub(in crate::bridge) edges: Vec<u32>,
-    pub nearest: Option<usize>,
+    /// The candidate nearest to the goal, of each kind that there is near it.
+    pub nearest: Vec<usize>,
     /// Candidates linked to the goal, and the cost of each link in parts of a step.
     pub(in crate::bridge) links: Vec<(u32, u32)>,
     pub(in crate::bridge) has_unverified_links: bool,
@@ -130,12 +131,23 @@ impl BridgeGraph {
     /// backward search through the graph.
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let nearby = self.distances_to(goal, policy, scratch);
-        let nearest = nearby.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| *i);
+        let places = self.candidates.goal_index();
+        let mut nearest: Vec<usize> = Vec::new();
+        let mut by_distance = nearby.clone();
+        by_distance.sort_by(|a, b| a.1.total_cmp(&b.1));
+        for (i, _) in by_distance {
+            if nearest.iter().all(|other| !places.are_alike(*other, i)) {
+                nearest.push(i);
+            }
+        }
         let links = nearby.iter().filter_map(|(i, distance)| {
-            let cost = self.link(Some(*i), nearest, *distance)?.cost + self.hop_steps();
+            let cost = self.link(Some(*i), &nearest, *distance)?.cost + self.hop_steps();
             Some((*i as u32, cost_units(cost)))
         });
-        self.route_from_links(goal, nearest, links.collect())
+        {
+            let links = links.collect();
+            self.route_from_links(goal, nearest, links)
+        }
     }
 
     /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or
@@ -161,7 +173,7 @@ impl BridgeGraph {
             let cost = UNVERIFIED_FACTOR * distance + self.hop_steps();
             (i as u32, cost_units(cost))
         }));
-        let route = self.route_from_links(&route.goal, route.nearest, links);
+        let route = self.route_from_links(&route.goal, route.nearest.clone(), links);
         Some(Route { has_unverified_links: true, ..route })
     }
 
@@ -182,13 +194,13 @@ impl BridgeGraph {
     }
 
     pub(super) fn route_to_candidate(&self, i: usize) -> Route {
-        self.route_from_links(self.point(i), Some(i), vec![(i as u32, 0)])
+        self.route_from_links(self.point(i), vec![i], vec![(i as u32, 0)])
     }
 
     pub(in crate::bridge) fn route_from_links(
         &self,
         goal: &[f32],
-        nearest: Option<usize>,
+        nearest: Vec<usize>,
         links: Vec<(u32, u32)>,
     ) -> Route {
         // Dijkstra's algorithm over candidates by number. (A library's search, which hashes nodes,
@@ -286,7 +298,7 @@ impl BridgeGraph {
 
     /// Returns the `count` candidates nearest to `state` in a straight line, nearest first.
     pub(in crate::bridge) fn nearby(&self, state: &[f32], count: usize) -> Vec<usize> {
-        let at: Vec<f32> = self.candidates.spec.achieved(state).collect();
+        let at = self.candidates.goal_index().place_of(state);
         self.candidates.goal_index().nearest_few(&at, count)
     }
 
@@ -312,15 +324,17 @@ impl BridgeGraph {
             let (own, others) = rest.split_at(nearby.len() + 1);
             rest = others;
             let to_goal = own[nearby.len()];
-            let here = nearby.iter().zip(own).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
+            let places = self.candidates.goal_index();
+            let alike = nearby.iter().zip(own).filter(|(i, _)| places.are_alike(**i, nearby[0]));
+            let here = alike.min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
             let candidates = nearby.iter().zip(own).map(|(candidate, distance)| {
-                let link = self.link(here, Some(*candidate), *distance);
+                let link = self.link(here, &[*candidate], *distance);
                 FirstHop { candidate: *candidate, distance: *distance, link }
             });
             HopOptions {
                 candidates: candidates.collect(),
                 to_goal,
-                direct: self.link(here, route.nearest, to_goal),
+                direct: self.link(here, &route.nearest, to_goal),
             }
         });
         options.collect()
@@ -341,7 +355,7 @@ impl BridgeGraph {
         let (mut pairs, mut far) = (Vec::new(), Vec::new());
         let mut by_goal = DistancesByGoal {
             places: Vec::new(),
-            goals: GoalIndex::new(&self.candidates.spec),
+            goals: GoalIndex::new(&self.candidates.spec, &[]),
             steps: Vec::new(),
             waypoints: Vec::new(),
             checked,

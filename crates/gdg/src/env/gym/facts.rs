@@ -40,6 +40,11 @@ const LEAST_RANGE: f32 = 0.1;
 const LEAST_CHANGE: f32 = 0.01;
 const LEAST_CHANGE_RADII: f32 = 0.05;
 
+/// What is achieved has rested if its typical change is less than this share of the least one: once an
+/// agent moves it, a step does so by about this many goal radii.
+const RESTS: f32 = 0.1;
+const TOUCHED_CHANGE_RADII: f32 = 0.5;
+
 /// Scales of a first look stand up to this multiple of them.
 const OUTGROWN: f32 = 2.0;
 
@@ -339,6 +344,9 @@ fn widen(spec: &mut Spec) {
             [LEAST_RANGE * median, LEAST_CHANGE * half.max(LEAST_RANGE * median)]
         };
         *half = half.max(least_range);
+        let rests = spec.achieved.contains(&i) && *change < RESTS * least_change;
+        let least_change =
+            if rests { TOUCHED_CHANGE_RADII * spec.goal_radius } else { least_change };
         *change = change.max(least_change);
     }
 }
@@ -485,11 +493,12 @@ pub mod tests {
         // Four components move, and 2.0 is the upper median of their ranges.
         assert_eq!(spec.state_half_range, [MARGIN * 0.5, 3.0, 2.0, 0.0, LEAST_RANGE * 2.0]);
         let least = LEAST_CHANGE * LEAST_RANGE * 2.0;
-        assert_eq!(spec.change_scale, [LEAST_CHANGE_RADII * 0.5, 1.0, 0.02, 0.0, least]);
+        assert_eq!(spec.change_scale, [TOUCHED_CHANGE_RADII * 0.5, 1.0, 0.02, 0.0, least]);
         spec.achieved = vec![2];
-        spec.goal_radius = 4.0;
+        // A slow component does not rest.
+        spec.goal_radius = 2.0;
         widen(&mut spec);
-        assert_eq!((spec.state_half_range[2], spec.change_scale[2]), (MARGIN * 4.0, 0.2));
+        assert_eq!((spec.state_half_range[2], spec.change_scale[2]), (MARGIN * 2.0, 0.1));
         assert_eq!(spec.scaled(4, 1e3), MOST_HALF_RANGES, "far outside of what was seen");
     }
 }

@@ -302,7 +302,7 @@ impl BatchSampler {
         let Some(changed) = known.changed else { return count };
         let by_goal = known.by_goal;
         for i in 0..batch.len() {
-            let state: Vec<f32> = self.spec.achieved(&batch.states[i * s..(i + 1) * s]).collect();
+            let state = known.goals.place_of(&batch.states[i * s..(i + 1) * s]);
             let goal = &batch.goals[i * g..(i + 1) * g];
             let (from, at) = (known.goals.nearest(&state), known.goals.nearest(goal));
             if let (Some((from, off_start)), Some((at, off_goal))) = (from, at) {

@@ -5,6 +5,8 @@
 //! runs must not depend on the index. (Libraries of spatial trees need the number of dimensions at
 //! compile time and leave the order of ties open.)
 
+use serde::{Deserialize, Serialize};
+
 use crate::env::Spec;
 
 /// Maximum number of components used for buckets.
@@ -19,15 +21,52 @@ const MAX_PLACES_PER_BUCKET: f32 = 0.25;
 /// Extra reach of searches as a share of a bucket's side; exceeds all rounding errors.
 const ROUNDING_SLACK: f32 = 0.01;
 
+/// Distance between places that differ in anything but the goal, in goal radii: farther than any two
+/// goals.
+const FAR_RADII: f32 = 1e4;
+
 /// End of a bucket's list.
 const NONE: u32 = u32::MAX;
 
-/// Goals, called places here, each with an index from 0 in the order in which they were added.
+/// A component of the state, in cells of a width.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Axis {
+    /// The component.
+    pub component: usize,
+    /// Width of a cell, in the component's unit.
+    pub width: f32,
+    /// Typical change per step that moves it.
+    pub step: f32,
+}
+
+impl Axis {
+    /// Whether what a checkpoint has kept fits the world.
+    pub fn fits(&self, spec: &Spec) -> bool {
+        let is_sound = |v: f32| v > 0.0 && v.is_finite();
+        self.component < spec.state_dim() && is_sound(self.width) && is_sound(self.step)
+    }
+
+    /// Returns the cell of `state`.
+    pub fn cell(&self, state: &[f32]) -> i32 {
+        (state[self.component] / self.width).floor() as i32
+    }
+}
+
+/// Goals, called places here, each with an index from 0 in the order in which they were added. Where
+/// more than the goal tells states apart, such as a key, a search for a state finds those that agree
+/// in it first, and a search for a goal those of any kind.
 #[derive(Clone, Debug, Default)]
 pub struct GoalIndex {
     goal_dim: usize,
     /// `(places, goal_dim)`.
     goals: Vec<f32>,
+    /// The goal's components of the state, and what else tells states apart.
+    achieved: Vec<usize>,
+    others: Vec<Axis>,
+    /// Distance between cells of the latter.
+    far: f32,
+    /// Goals and the latter, `(places, goal_dim + others)`; empty if there are none.
+    places: Vec<f32>,
     /// Lower end and length of the range of each axis; places outside it belong to the buckets at
     /// its edge.
     ranges: Vec<(f32, f32)>,
@@ -40,7 +79,7 @@ pub struct GoalIndex {
 
 impl GoalIndex {
     /// Creates an empty set of places of a world with `spec`.
-    pub(crate) fn new(spec: &Spec) -> Self {
+    pub(crate) fn new(spec: &Spec, others: &[Axis]) -> Self {
         let ranges = spec.achieved.iter().take(AXES).map(|i| {
             let half = spec.state_half_range[*i];
             (spec.state_centre[*i] - half, 2.0 * half)
@@ -48,6 +87,10 @@ impl GoalIndex {
         let mut places = Self {
             goal_dim: spec.goal_dim(),
             goals: Vec::new(),
+            achieved: spec.achieved.clone(),
+            others: others.to_vec(),
+            far: FAR_RADII * spec.goal_radius,
+            places: Vec::new(),
             ranges: ranges.collect(),
             side: *BUCKETS.start(),
             latest: Vec::new(),
@@ -70,9 +113,29 @@ impl GoalIndex {
         &self.goals[i * self.goal_dim..(i + 1) * self.goal_dim]
     }
 
-    /// Adds a place, `(goal_dim)`.
-    pub(crate) fn push(&mut self, goal: &[f32]) {
-        self.goals.extend(goal);
+    /// Returns the place of `state`, to search for it or to add it.
+    pub(crate) fn place_of(&self, state: &[f32]) -> Vec<f32> {
+        let others = self.others.iter().map(|axis| axis.cell(state) as f32 * self.far);
+        self.achieved.iter().map(|i| state[*i]).chain(others).collect()
+    }
+
+    /// Returns place `i` with what tells it apart beside the goal.
+    pub(crate) fn place(&self, i: usize) -> &[f32] {
+        let width = self.goal_dim + self.others.len();
+        if self.others.is_empty() { self.goal(i) } else { &self.places[i * width..][..width] }
+    }
+
+    /// Whether places `i` and `j` differ in the goal alone.
+    pub(crate) fn are_alike(&self, i: usize, j: usize) -> bool {
+        self.place(i)[self.goal_dim..] == self.place(j)[self.goal_dim..]
+    }
+
+    /// Adds a place, `(goal_dim + others)`.
+    pub(crate) fn push(&mut self, place: &[f32]) {
+        self.goals.extend(&place[..self.goal_dim]);
+        if !self.others.is_empty() {
+            self.places.extend(place);
+        }
         self.link(self.len());
         let full = self.len() as f32 > MAX_PLACES_PER_BUCKET * self.latest.len() as f32;
         if full && self.side < *BUCKETS.end() {
@@ -170,11 +233,11 @@ impl GoalIndex {
     fn squared(&self, at: &[f32], i: usize) -> f32 {
         match *at {
             // The usual case, without a loop; the sum is the same bit for bit.
-            [x, y] => {
+            [x, y] if self.goal_dim == 2 => {
                 let [dx, dy] = [x - self.goals[2 * i], y - self.goals[2 * i + 1]];
                 dx * dx + dy * dy
             }
-            _ => at.iter().zip(self.goal(i)).map(|(a, p)| (a - p) * (a - p)).sum(),
+            _ => at.iter().zip(self.place(i)).map(|(a, p)| (a - p) * (a - p)).sum(),
         }
     }
 
@@ -272,6 +335,22 @@ mod tests {
         all
     }
 
+    #[test]
+    fn a_search_for_a_state_finds_its_kind_first_and_one_for_a_goal_any() {
+        let spec =
+            Spec { achieved: vec![0, 1], ..positions(&[(0.0, 50.0), (0.0, 50.0), (0.5, 0.5)]) };
+        let key = Axis { component: 2, width: 0.125, step: 0.125 };
+        let mut places = GoalIndex::new(&spec, &[key]);
+        for state in [[0.0, 0.0, 0.0], [40.0, 0.0, 0.0], [0.0, 1.0, 1.0], [40.0, 1.0, 1.0]] {
+            places.push(&places.place_of(&state));
+        }
+        let few = |state: [f32; 3]| places.nearest_few(&places.place_of(&state), 3);
+        assert_eq!([few([1.0, 0.0, 0.0]), few([1.0, 0.0, 1.0])], [[0, 1, 2], [2, 3, 0]]);
+        assert_eq!(places.nearest_few(&[1.0, 0.0], 3), [0, 2, 1]);
+        assert!(places.are_alike(0, 1) && !places.are_alike(0, 2));
+        assert_eq!(places.goals()[4..6], [0.0, 1.0]);
+    }
+
     proptest! {
         /// With ties, places outside the range, an axis without a range, and one, two or three
         /// components.
@@ -293,7 +372,7 @@ mod tests {
                 };
                 ranges.iter().zip(shares).map(of_axis).collect()
             };
-            let mut places = GoalIndex::new(&positions(&ranges));
+            let mut places = GoalIndex::new(&positions(&ranges), &[]);
             points.iter().for_each(|point| places.push(&goal(point)));
             prop_assert_eq!(places.len(), points.len());
             for query in &queries {

@@ -128,7 +128,7 @@ fn find_paths(
     for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
         let state = &batch.states[row * s..(row + 1) * s];
         let goal = &batch.goals[row * g..(row + 1) * g];
-        let at: Vec<f32> = spec.achieved(state).collect();
+        let at = known.goals.place_of(state);
         let around = known.goals.nearest_few(&at, FIRST_PLACES);
         let (Some((end, _)), Some(start)) = (goals.nearest(goal), around.first().copied()) else {
             break;

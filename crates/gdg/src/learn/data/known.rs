@@ -129,7 +129,7 @@ pub(in crate::learn) mod tests {
 
     /// Returns places on a line of a hundred steps as goals.
     pub fn index(places: &[f32]) -> GoalIndex {
-        let mut index = GoalIndex::new(&positions(&[(50.0, 50.0)]));
+        let mut index = GoalIndex::new(&positions(&[(50.0, 50.0)]), &[]);
         places.iter().for_each(|place| index.push(&[*place]));
         index
     }

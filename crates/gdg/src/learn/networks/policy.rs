@@ -60,6 +60,12 @@ pub trait Policy: Send + Sync {
     ) {
     }
 
+    /// Computes the states `next` expected one step after `states` by these `actions`, `(rows,
+    /// action_dim)`. A policy without a dynamics model expects no change.
+    fn imagine(&self, states: &[f32], _actions: &[f32], next: &mut [f32], _scratch: &mut Scratch) {
+        next.copy_from_slice(states);
+    }
+
     /// Returns D of a single pair, in steps.
     fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
         let mut out = [0.0];
@@ -180,6 +186,16 @@ impl Policy for Nets<'_> {
         if let Some(model) = self.model.filter(|_| !self.critics.is_empty()) {
             let (critics, ws) = (&self.critics, &mut scratch.networks);
             self.shapes.improve_actions(model, critics, states, goals, actions, ws);
+        }
+    }
+
+    fn imagine(&self, states: &[f32], actions: &[f32], next: &mut [f32], scratch: &mut Scratch) {
+        match self.model {
+            Some(model) => {
+                let ws = &mut scratch.networks.model;
+                self.shapes.next_states(model, states, actions, next, ws);
+            }
+            None => next.copy_from_slice(states),
         }
     }
 }

@@ -170,14 +170,23 @@ impl Trainer {
             self.own_replay();
         }
         let before = std::mem::replace(&mut self.rollout, rollout);
-        self.rollout.excursions.places = before.excursions.places;
+        self.rollout.excursions.keep_places_of(before.excursions);
     }
 
     pub(super) fn rebuild_candidates(&mut self, progress: &Job) {
-        self.candidates.reset_to(new_candidates(&self.run, self.spec()));
+        let mut fresh = new_candidates(&self.run, self.spec());
+        fresh.tell_apart_by(self.rollout.excursions.other_axes(self.spec()));
+        self.candidates.reset_to(fresh);
         self.revisit_everything(progress);
         // The whole replay shows more paths than were known before.
         self.candidates.adapt_spacing();
+    }
+
+    /// Plans anew once more than the goal tells places apart.
+    pub(super) fn tell_more_apart(&mut self) -> Result<()> {
+        self.rebuild_candidates(&Job::default());
+        self.rollout.discard_plans();
+        self.replace_graph()
     }
 
     pub(super) fn revisit_everything(&mut self, progress: &Job) {

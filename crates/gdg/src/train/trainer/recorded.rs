@@ -11,6 +11,7 @@ use crate::store::{Store, StoreError};
 use crate::train::DataError;
 use crate::train::dataset::{DataSource, Dataset};
 use crate::train::memory;
+use crate::train::rollout::Rollout;
 
 const DATA: &str = "data";
 const REPLAY: &str = "replay";
@@ -60,6 +61,7 @@ impl Trainer {
         let removed = impossible + by_chance;
         let Self { visits, replay, rollout, .. } = self;
         replay.visit_rows(|state, _, _| visits.add(rollout.env(), state));
+        self.note_recorded();
         self.rebuild_candidates(progress);
         // Paths from where candidates were found later.
         self.revisit_everything(&Job::default());
@@ -68,6 +70,19 @@ impl Trainer {
         let facts = data.facts;
         self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
         Ok(LeftOut { impossible, by_chance })
+    }
+
+    /// Finds out what tells places apart from what the replay buffer has seen.
+    fn note_recorded(&mut self) {
+        let mut rows: Vec<Option<Vec<f32>>> = Vec::new();
+        self.replay.visit_rows(|state, _, is_last| {
+            rows.push(Some(state.to_vec()));
+            rows.extend(is_last.then_some(None));
+        });
+        let steps =
+            rows.windows(2).filter_map(|pair| Some([pair[0].as_deref()?, pair[1].as_deref()?]));
+        let Rollout { env, excursions, .. } = &mut self.rollout;
+        excursions.note_recorded(env.spec(), steps);
     }
 
     /// Leaves out leaps that chance may have decided; returns how many.
