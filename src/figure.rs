@@ -9,7 +9,7 @@ use std::path::Path;
 use miette::Report;
 
 pub use chart::{Chart, ChartPage, Curve, Point, colour, round_top};
-pub use sheet::{Anchor, Mark, Sheet, fitted};
+pub use sheet::{Anchor, Mark, PIXEL, Sheet, fitted};
 
 /// A millimetre in points.
 pub const MILLIMETRE: f32 = 72.0 / 25.4;

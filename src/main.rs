@@ -15,7 +15,7 @@ use miette::Report;
 
 fn main() -> ExitCode {
     faults::install_panic_hook();
-    errors::set_up_colours();
+    errors::set_up();
     if let Err(error) = signals::survive_file_size_limit() {
         eprint_line(&format!("files that become too large will end the program: {error}"));
     }

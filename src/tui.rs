@@ -6,10 +6,10 @@
 //!
 //! The parts, each of which uses only those before it:
 //!
-//! * `theme`, `style`, `pane_text`, `marker`, `overlay`, `panes`, `tool`: colours, and words of the
-//!   other parts.
-//! * `canvas`, `contours`: the pixels of a scene, at any resolution; `characters` and `graphics` send
-//!   them; `viewport`, `projection`: where they are and what they show.
+//! * `theme`, `style`, `pane_text`, `marker`, `overlay`, `panes`, `tool`, `export_kind`: colours, and
+//!   words of the other parts.
+//! * `viewport`, `projection`: what of a scene is shown, and where; `canvas`, `contours`: its pixels,
+//!   at any resolution; `characters` and `graphics` send them.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
 //!   of actions alone names what comes later: the functions that carry them out.
 //! * `dialog`, `layout`, `log`: what a screen consists of besides the scene.
@@ -18,11 +18,11 @@
 //!   world, with its state.
 //! * `render`: the panes and everything else around it; `layer`: dialogs, drawn and handled;
 //!   `lists`: what there is to pick from; `drawings`: writes what is shown to files.
-//! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
-//! * `app`: the application, which gives events to the topmost layer.
 //! * `interface`, `input`, `terminal`: what fills the screen, what comes from the terminal, and the
 //!   terminal itself with the loop that forwards events and draws frames.
-//! * `runs`: the list of saved runs.
+//! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
+//! * `app`: the application, which gives events to the topmost layer.
+//! * `runs`: the list of saved runs; `benchmark`: the interface, as `cargo bench` measures it.
 
 mod action;
 mod app;

@@ -188,6 +188,9 @@ impl OutlineBuilder for Pen<'_> {
 /// Pixels of a PNG, an inch.
 const RESOLUTION: f32 = 300.0;
 
+/// A pixel of a PNG, in points.
+pub const PIXEL: f32 = 72.0 / RESOLUTION;
+
 /// Objects of a PDF; the last one is the opacity of bands.
 const CATALOG: i32 = 1;
 const PAGES: i32 = 2;
@@ -216,7 +219,7 @@ fn path_of(mark: &Mark) -> Option<Path> {
 
 pub fn png(sheet: &Sheet) -> Result<Vec<u8>, Report> {
     let scale = RESOLUTION / 72.0;
-    let [width, height] = sheet.size.map(|length| (scale * length).ceil() as u32);
+    let [width, height] = sheet.size.map(|length| (scale * length - 0.01).ceil() as u32);
     let mut pixmap =
         Pixmap::new(width, height).ok_or_else(|| miette!("the figure is too large for a PNG"))?;
     pixmap.fill(Color::WHITE);

@@ -4,6 +4,7 @@ use miette::{
     Diagnostic, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents,
     miette,
 };
+use textwrap::{WordSeparator, WordSplitter};
 
 use gdg::map::MapError;
 use gdg::printing::eprint_raw;
@@ -13,15 +14,22 @@ use gdg::train::{CheckpointError, ConfigError, TrainError};
 /// Maximum number of characters of a message and of each of its causes.
 const MAX_MESSAGE_CHARS: usize = 2000;
 
-/// Prints errors without colours where the terminal has none; otherwise, the library decides.
-pub fn set_up_colours() {
-    if !terminal_obeys_escapes() {
-        let plain = |_: &_| -> Box<dyn miette::ReportHandler> {
-            Box::new(miette::MietteHandlerOpts::new().color(false).terminal_links(false).build())
-        };
-        // It is the first hook.
-        let _ = miette::set_hook(Box::new(plain));
-    }
+/// Sets how errors are printed: without colours where the terminal has none, and in lines that break
+/// only at blanks, so that names and paths can be copied.
+pub fn set_up() {
+    let handler = |_: &_| -> Box<dyn miette::ReportHandler> {
+        let options = miette::MietteHandlerOpts::new()
+            .word_separator(WordSeparator::AsciiSpace)
+            .word_splitter(WordSplitter::NoHyphenation)
+            .break_words(false);
+        Box::new(if terminal_obeys_escapes() {
+            options.build()
+        } else {
+            options.color(false).terminal_links(false).build()
+        })
+    };
+    // It is the first hook.
+    let _ = miette::set_hook(Box::new(handler));
 }
 
 pub fn print_error(error: &Report) {

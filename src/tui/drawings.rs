@@ -15,7 +15,8 @@ use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme, blend, rgb_of_indexed};
 use crate::figure::{
-    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Point, Sheet, colour, round_top,
+    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, PIXEL, Point, Sheet, colour,
+    round_top,
 };
 use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
@@ -127,13 +128,14 @@ fn on_paper(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
 }
 
 /// Size of a character, size of letters, and their baseline below the top of a character, in points.
-const WIDTH: f32 = 4.0;
-const HEIGHT: f32 = 8.0;
-const LETTERS: f32 = 6.5;
-const BASELINE: f32 = 6.25;
+/// The parts of a block are whole pixels of a PNG: what is drawn over the same area hides it.
+const WIDTH: f32 = 16.0 * PIXEL;
+const HEIGHT: f32 = 32.0 * PIXEL;
+const LETTERS: f32 = 6.25;
+const BASELINE: f32 = 6.0;
 
 /// By how much areas reach below those drawn later, in points: no gaps are left between them.
-const OVERLAP: f32 = 0.15;
+const OVERLAP: f32 = PIXEL;
 
 /// Text and background of a page that a theme leaves to the terminal.
 const PAGE: (Rgb, Rgb) = ((222, 222, 226), (16, 16, 20));

@@ -38,8 +38,7 @@
 //!   [`train::Registry`] lists worlds and learners.
 //! * [`engine`]: [`engine::Engine`] runs a trainer on its own thread: commands in, snapshots out.
 //! * [`draw`]: colours, contours and pictures. [`viewer`]: what a screen shows of a run, computed
-//!   on its own thread: distance fields, the bridge graph, an agent that walks to the goal; a
-//!   folder for each kind of scene.
+//!   on its own thread: distance fields, the bridge graph, an agent that walks to the goal.
 //!
 //! # A run
 //!

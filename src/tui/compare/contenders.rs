@@ -92,8 +92,8 @@ pub fn prepare(
         path.map(|path| load(path, options, registry)).transpose()
     };
     let saved = [load(0)?, load(1)?];
-    if let [Some((_, a)), Some((_, b))] = &saved {
-        check_same(a, b)?;
+    if let [Some(a), Some(b)] = &saved {
+        check_same([a, b])?;
     }
     let found = saved.iter().flatten().next();
     let beside = found.map(|(trainer, map)| (map.clone(), trainer.run().seed));
@@ -159,13 +159,16 @@ fn without_map(path: &Path) -> Report {
     miette!(help = help, "{}: is of a world without a map", path.display())
 }
 
-fn check_same(a: &Grid, b: &Grid) -> Result<(), Report> {
-    if (a.width(), a.free()) == (b.width(), b.free()) {
+fn check_same(both: [&(Trainer, Arc<Grid>); 2]) -> Result<(), Report> {
+    let [a, b] = both.map(|(_, map)| (map.width(), map.free()));
+    if a == b {
         return Ok(());
     }
     let help = "only runs on the same map can be compared, as goals and starts apply to both";
-    let [a, b] =
-        [a, b].map(|map| format!("{} ({} x {})", sanitized(map.name()), map.width(), map.height()));
+    let [a, b] = both.map(|(trainer, map)| {
+        let edited = if trainer.history().edits().is_empty() { "" } else { ", edited" };
+        format!("{} ({} x {}{edited})", sanitized(map.name()), map.width(), map.height())
+    });
     Err(miette!(help = help, "the checkpoints are of different maps: {a} and {b}"))
 }
 

@@ -209,7 +209,11 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
         let value =
             Span::styled(value.clone(), if *name == "success" { BOLD } else { Style::new() });
         let name = Span::styled(format!(" {name} "), DIM);
-        Line::from(vec![name, value, Span::styled(aside.clone(), DIM)])
+        let mut line = Line::from(vec![name, value, Span::styled(aside.clone(), DIM)]);
+        if line.width() > usize::from(width) {
+            line.spans.pop();
+        }
+        line
     };
     // Two a line, so that those of both sides line up.
     let mut lines: Vec<Line> = Vec::new();

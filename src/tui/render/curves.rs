@@ -107,16 +107,15 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let rate = |title, curves| Plot { title, curves, max: Some(1.0), log: false };
     let errors = Plot { title: "relative error of D", curves: errors, max: None, log: true };
     let of_critic = loss("loss of D", 0);
-    let [second, third] =
-        if has_true_distances { [errors, of_critic] } else { [of_critic, errors] };
-    vec![
-        rate("success", success),
-        second,
-        third,
+    let is_known = has_true_distances || errors.curves.iter().any(|curve| !curve.points.is_empty());
+    let errors = is_known.then_some(errors);
+    let others = [
+        of_critic,
         rate(by_unit, each.collect()),
         loss("loss of f", 1),
         loss("loss of mu, steps", 2),
-    ]
+    ];
+    [rate("success", success)].into_iter().chain(errors).chain(others).collect()
 }
 
 /// Returns the name of group `i` of `groups`: its distance, or its number.

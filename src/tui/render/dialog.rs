@@ -123,7 +123,9 @@ fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
 }
 
 fn fits(item: &Item, labels: usize, columns: usize) -> bool {
-    item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns)
+    let is_whole = display_width(&item.label) + LABEL_MARGIN <= columns;
+    let is_told = display_width(&item.detail) <= room_beside(item, labels, columns);
+    item.below.is_empty() && is_told && is_whole
 }
 
 /// Returns all about the selected item, or in a question about all items that do not fit.
@@ -132,7 +134,8 @@ fn text_below(picker: &Picker, columns: usize, labels: usize) -> Vec<String> {
         let cut = picker.items().filter(|item| !fits(item, labels, columns));
         return cut.flat_map(|item| full_text(item, columns)).collect();
     }
-    picker.item().map_or(Vec::new(), |item| full_text(item, columns))
+    let cut = picker.item().filter(|item| !fits(item, labels, columns));
+    cut.map_or(Vec::new(), |item| full_text(item, columns))
 }
 
 /// Returns everything about an item, in rows of `columns` with a blank on either side.

@@ -17,6 +17,7 @@ use crate::tui::pane_text::wrapped;
 use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::ColourDepth;
 
 /// Columns of the help, if there is room.
 const HELP_WIDTH: u16 = 78;
@@ -137,7 +138,12 @@ fn entries(screen: &Screen, scene: &Scene, width: usize, help: &Help) -> Vec<Vec
     let how = format!(
         " Where the help shows \"{key} ...\" instead of a key, type {key} and some letters."
     );
-    let introduction = introduction.to_owned() + if finds { &how } else { "" };
+    let mut introduction = introduction.to_owned();
+    if screen.theme.depth == ColourDepth::Mono {
+        introduction = introduction.replace("light near, dark far", "the denser, the farther");
+        introduction = introduction.replace("Colours show", "Shades show");
+    }
+    let introduction = introduction + if finds { &how } else { "" };
     let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![
         introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>(),

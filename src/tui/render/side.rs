@@ -127,18 +127,19 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
     clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
-/// Draws the names of the panes with their keys: closer together where room is short, or only the
-/// keys of those that are not selected.
+/// Draws the names of the panes with their keys: closer together where room is short, without
+/// the plural, or only the keys of those that are not selected.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
     });
-    let formats: [fn(&str, &str, bool) -> String; 4] = [
+    let formats: [fn(&str, &str, bool) -> String; 5] = [
         |key, name, _| format!(" {key} {name} "),
         |key, name, _| format!("{key} {name} "),
         |key, name, _| format!("{key}{name} "),
+        |key, name, _| format!("{key}{} ", name.trim_end_matches('s')),
         |key, name, chosen| if chosen { format!(" {key} {name} ") } else { format!(" {key} ") },
     ];
     let text = |format: fn(&str, &str, bool) -> String| {

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::Wish;
 use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
 use gdg::files;
-use gdg::text::{counted, sanitized};
+use gdg::text::counted;
 
 /// Runs that can be marked at once: one for each letter.
 const MAX_MARKS: usize = 26;
@@ -174,10 +174,6 @@ impl List {
             runs.extend(self.selected().filter(|run| self.mark(run).is_none()));
         }
         match runs[..] {
-            [a, b] if a.map != b.map => {
-                let [a, b] = [a, b].map(|run| sanitized(&run.map));
-                Err(format!("runs on different maps cannot be compared: {a} and {b}"))
-            }
             [a, b] => wish(a, Some(b)),
             _ => Err("mark two runs to compare them".to_owned()),
         }

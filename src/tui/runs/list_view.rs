@@ -31,7 +31,7 @@ use crate::tui::render::pane_chart::{self, PaneCurve};
 use crate::tui::render::{curves, finish_frame, footer, help, too_small};
 use crate::tui::style::{BOLD, DIM, REVERSED};
 use crate::tui::theme::Theme;
-use gdg::text::{counted, display_width, fitted, grouped, sanitized};
+use gdg::text::{counted, display_width, fitted, fitted_file, grouped, sanitized};
 use gdg::train::{Preset, list_settings};
 
 /// The smallest screen with room for everything, in columns and rows.
@@ -172,7 +172,8 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Cl
     let areas = Layout::horizontal(widths.clone()).spacing(1).split(names);
     places.columns = areas[1..].iter().zip(&columns).map(|(area, of)| (*area, of.0)).collect();
     let cell = |text: String, (column, width): (usize, usize)| {
-        let line = Line::raw(fitted(&text, width));
+        let fit = if column + 1 == COLUMNS.len() { fitted_file } else { fitted };
+        let line = Line::raw(fit(&text, width));
         if COLUMNS[column].number.is_some() { line.right_aligned() } else { line }
     };
     let (sorted, reversed) = list.order;
@@ -270,7 +271,11 @@ fn draw_curves(
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
         let is_evaluated = runs.iter().any(|(_, run)| !run.evaluations.is_empty());
-        let text = if is_evaluated { " not known of these runs" } else { " not evaluated yet" };
+        let text = match is_evaluated {
+            _ if runs.is_empty() => " no run",
+            true => " not known of these runs",
+            false => " not evaluated yet",
+        };
         return frame.render_widget(Paragraph::new(text).style(DIM), body);
     }
     let last = points().map(|point| point.0).fold(1.0, f64::max);
@@ -302,10 +307,10 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
             run.problem.as_ref().map_or(String::new(), |at| format!("line {}", &at[1..]))
         }),
     ];
-    let circumstances = CIRCUMSTANCES
-        .iter()
-        .enumerate()
-        .map(|(i, name)| row(name, &|run| run.circumstances()[i].clone().unwrap_or_default()));
+    let circumstances = CIRCUMSTANCES.iter().enumerate().map(|(i, name)| {
+        let name = if *name == "edit" { "map edited" } else { name };
+        row(name, &|run| run.circumstances()[i].clone().unwrap_or_default())
+    });
     // A setting's value is the run's own, or else its preset's.
     let value = |run: &SavedRun, name: &str| {
         let of = |name: &str| own(run).find(|(own, _)| *own == name).map(|(_, value)| value);

@@ -132,6 +132,7 @@ const ROWS: &[ScreenTest] = &[
     (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
     (Mono, SMALL, "c", &["contour lines need colours"], &[]),
     (Mono, SMALL, "4", &["bridge edges"], &["contours"]),
+    (Mono, SMALL, "?", &["the denser, the farther"], &["light near"]),
     // The editor.
     (New, SMALL, "e", &["EDIT", "done"], &[]),
     (New, TINY, "e", &["done"], &[]),
@@ -157,8 +158,8 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "P", &["front"], &[]),
     (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", " 1 train  2  3  4  5 "], &[]),
-    (Goals, SMALL, "4", &[" 1  2  3  4 goals  5 "], &[]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "1train 2curve 3walk 4goal 5log"], &[]),
+    (Goals, HUGE, "2", &["loss of D"], &["relative error of D"]),
     (Goals, SMALL, "P", &["g0\u{2192}", "g2\u{2191}"], &[]),
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
@@ -179,6 +180,7 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "  ", &["5 runs"], &["\u{2500} A "]),
     (List, LARGE, " j {esc}", &[], &["\u{2500} A "]),
     (List, LARGE, "/rooms her", &["2 of 5 runs"], &["fourrooms"]),
+    (List, SMALL, "/qqq", &["no run"], &["not evaluated yet"]),
     (List, LARGE, "{end}{up} ", &["\u{2500} A fourrooms ", " 4,000 "], &[]),
     (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
     (List, LARGE, "{end}{up} xxv", &["success rate without plans over seconds"], &[]),

@@ -222,6 +222,10 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     let in_world = |world: &dyn Environment, name: &str| save(&trainer_in(world, gdg(), 1), name);
     let hall = Arc::new(Grid::empty("hall", 4, 3));
     let hall = in_world(&PointMaze::new(hall, 0), "hall.safetensors");
+    let mut edited = trainer("gdg-bridge", 7);
+    let walled = rooms().with_cells([(Cell::new(1, 1), false)]).expect("a map");
+    edited.change_world(&PointMaze::new(Arc::new(walled), 0)).expect("an edit");
+    let edited = save(&edited, "edited.safetensors");
     let arm = in_world(&FetchReach::new(0), "arm.safetensors");
     let method = || Contender::Method("her".parse().expect("a method"));
     // A method begins on its map, with its seed.
@@ -245,6 +249,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     let own = both(&saved, &other);
     for (options, problem) in [
         (both(&saved, &hall), "different maps: rooms (20 x 5) and hall (4 x 3)"),
+        (both(&saved, &edited), "different maps: rooms (20 x 5) and rooms (20 x 5, edited)"),
         (ComparisonOptions { map: Some("trap".into()), ..own.clone() }, "the map is that of"),
         (ComparisonOptions { seed: Some(1), ..own.clone() }, "have their own seeds"),
         (ComparisonOptions { set: set("hidden"), ..own.clone() }, "changes no method"),
