@@ -212,3 +212,32 @@ fn no_room_has_more_lines_than_it_may() {
     let all: usize = folders.iter().map(|folder| lines_in(&root().join(folder))).sum();
     assert_eq!(sum, all);
 }
+
+#[test]
+fn the_ways_of_a_step_a_key_and_a_pixel_lead_through_few_rooms() {
+    let text = std::fs::read_to_string(root().join("docs/developing.md")).unwrap();
+    let ways: Vec<&str> =
+        text.split("\n## ").filter(|part| part.starts_with("The way of")).collect();
+    assert_eq!(ways.len(), 3);
+    for way in ways {
+        let named = way.split('`').skip(1).step_by(2);
+        let files = named.filter(|name| name.ends_with(".rs") || name.ends_with('/'));
+        let mut rooms = BTreeSet::new();
+        for file in files {
+            let file = file.split("NAME").next().unwrap_or_default();
+            let places =
+                ["", "crates/gdg/src", "src/tui"].map(|folder| root().join(folder).join(file));
+            let found = places.iter().find(|place| place.exists());
+            let found = found.unwrap_or_else(|| panic!("there is no {file}"));
+            let own = found.strip_prefix(root()).unwrap();
+            let own = own.strip_prefix("crates/gdg").unwrap_or(own).strip_prefix("src").unwrap();
+            let room = own.components().next().unwrap().as_os_str().to_string_lossy().into_owned();
+            rooms.insert(room.trim_end_matches(".rs").to_owned());
+        }
+        assert!(
+            (1..=6).contains(&rooms.len()),
+            "{}: {rooms:?}",
+            way.lines().next().unwrap_or_default()
+        );
+    }
+}
