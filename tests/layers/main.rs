@@ -221,7 +221,8 @@ fn the_ways_of_a_step_a_key_and_a_pixel_lead_through_few_rooms() {
     assert_eq!(ways.len(), 3);
     for way in ways {
         let named = way.split('`').skip(1).step_by(2);
-        let files = named.filter(|name| name.ends_with(".rs") || name.ends_with('/'));
+        let is_file = |name: &&str| Path::new(name).extension().is_some_and(|end| end == "rs");
+        let files = named.filter(|name| is_file(name) || name.ends_with('/'));
         let mut rooms = BTreeSet::new();
         for file in files {
             let file = file.split("NAME").next().unwrap_or_default();
