@@ -23,7 +23,7 @@ const TRIED: usize = 24;
 const AHEAD_STEPS: usize = 20;
 const HELD_STEPS: u32 = 2;
 
-/// Of so many remembered moves nearest to a state, that which led farthest is done again.
+/// Remembered moves nearest to a state, of which an agent repeats the farthest.
 const NEAR_MOVES: usize = 5;
 
 /// Share of actions at random, and of those that were taken where the goal moved, once an agent is
@@ -63,14 +63,16 @@ impl GoalMoves {
         self.0.iter().map(|own| own.squared(&state)).fold(f32::INFINITY, f32::min)
     }
 
-    /// Returns the action that has moved the achieved goal farthest near `state`.
-    fn best_near(&self, spec: &Spec, state: &[f32]) -> Option<&[f32]> {
+    /// Returns the action that has moved the achieved goal farthest near `state`, and the square of the
+    /// distance to the nearest remembered state.
+    fn best_near(&self, spec: &Spec, state: &[f32]) -> Option<(&[f32], f32)> {
         let state = scaled(spec, state);
         let mut near: Vec<(f32, &GoalMove)> =
             self.0.iter().map(|own| (own.squared(&state), own)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let near = near.iter().take(NEAR_MOVES).map(|(_, own)| *own);
-        near.max_by(|a, b| a.far.total_cmp(&b.far)).map(|own| &own.action[..])
+        let (nearest, _) = near.first()?;
+        let best = near.iter().take(NEAR_MOVES).max_by(|a, b| a.1.far.total_cmp(&b.1.far))?;
+        Some((&best.1.action, *nearest))
     }
 
     pub fn fit(&self, spec: &Spec) -> bool {
@@ -78,10 +80,11 @@ impl GoalMoves {
             numbers.len() == length && numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE)
         };
         self.0.len() <= MOST_MOVES
-            && self
-                .0
-                .iter()
-                .all(|own| fits(&own.state, spec.state_dim()) && fits(&own.action, spec.action_dim))
+            && self.0.iter().all(|own| {
+                fits(&own.state, spec.state_dim())
+                    && fits(&own.action, spec.action_dim)
+                    && (0.0..=MAX_MAGNITUDE).contains(&own.far)
+            })
     }
 }
 
@@ -148,10 +151,9 @@ impl Seek {
             let best = moves.best_near(spec, state).filter(|_| !is_random);
             self.action = match best {
                 None => tried[..spec.action_dim].to_vec(),
-                Some(best) => {
+                Some((best, here)) => {
                     let (action, ahead) = imagined(spec, moves, state, &tried, policy, scratch);
-                    let is_there = moves.squared_distance(spec, state) <= ahead;
-                    if is_there && again { best.to_vec() } else { action.to_vec() }
+                    if here <= ahead && again { best.to_vec() } else { action.to_vec() }
                 }
             };
             self.held = HELD_STEPS;
