@@ -34,12 +34,12 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 7] = [
-    ("host", 1_550),
-    ("figure", 850),
-    ("headless", 910),
+    ("host", 1_530),
+    ("figure", 856),
+    ("headless", 946),
     ("experiment", 5_480),
     ("tui", 19_700),
-    ("cli", 650),
+    ("cli", 628),
     ("commands", 1_000),
 ];
 
