@@ -3,10 +3,8 @@
 mod table;
 
 use super::compare::Comparison;
-use super::overlay::Overlay;
-use super::panes::Pane;
 use super::session::Session;
-use super::tool::Tool;
+use crate::tui::choices::{Overlay, Pane, Tool};
 pub use table::SECTIONS;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

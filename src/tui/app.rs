@@ -16,7 +16,7 @@ use super::graphics::{Graphics, Redraw, TerminalPicture};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap;
 use super::layout::{Click, ScreenLayout};
-use super::session::{Session, time};
+use super::session::{Session, watching};
 use gdg::engine::Engine;
 
 /// What fills the screen below the dialogs.
@@ -157,7 +157,7 @@ impl App {
         let moment = moment.filter(|_| is_held);
         match &mut self.base {
             Base::Run(session) => match moment.filter(|_| !session.scene.is_drawing()) {
-                Some(moment) => time::look_at_curves(session, moment),
+                Some(moment) => watching::look_at_curves(session, moment),
                 None => session.on_mouse(kind, at),
             },
             Base::Comparison(comparison) => comparison.on_mouse(kind, at),

@@ -29,7 +29,7 @@ use super::lists;
 use super::log::{Log, Notice};
 use super::scene::MazeState;
 use super::scene::maze::place_walker;
-use super::session::{Session, time, view};
+use super::session::{Session, watching};
 use crate::experiment::plot::Axis;
 pub use contenders::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use gdg::engine::{Engine, EngineCommand};
@@ -85,7 +85,7 @@ fn start_side(
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
     // The race decides where both go next.
-    view::set_on_arrival(&mut session, OnArrival::Wait);
+    watching::set_on_arrival(&mut session, OnArrival::Wait);
     // A failed run needs no dialog: its title says what happened.
     session.saver.offers = false;
     Ok((session, side, engine))
@@ -254,7 +254,7 @@ impl Comparison {
                 binding_of(*action).into_iter().for_each(|binding| self.perform(binding));
             }
             Some(Choice::Field(field)) => {
-                self.sessions.iter_mut().for_each(|session| time::leave_past(session));
+                self.sessions.iter_mut().for_each(|session| watching::leave_past(session));
                 self.show_field(*field);
             }
             // Other dialogs are the first side's.
@@ -274,7 +274,7 @@ impl Comparison {
         let trains = self.sessions.each_ref().map(|s| s.snapshots().borrow().phase.is_training());
         let any = trains.contains(&true);
         for (session, _) in self.sessions.iter_mut().zip(trains).filter(|(_, own)| *own == any) {
-            time::toggle_pause(session);
+            watching::toggle_pause(session);
         }
     }
 
@@ -361,7 +361,7 @@ impl Comparison {
     }
 
     fn show_field(&mut self, field: Field) {
-        self.sessions.iter_mut().for_each(|session| view::show_field(session, field));
+        self.sessions.iter_mut().for_each(|session| watching::show_field(session, field));
     }
 }
 
@@ -394,7 +394,7 @@ impl Comparison {
         self.lags |= is_edited;
         let lags = self.lags;
         let other = &mut self.sessions[1 - own];
-        time::leave_past(other);
+        watching::leave_past(other);
         self.lags = other.in_maze(|maze, screen, link| {
             maze.editor = editor;
             if lags {

@@ -8,8 +8,8 @@ use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
 use super::action::Action;
-use super::export_kind::ExportKind;
 use super::theme::ThemeName;
+use crate::tui::choices::ExportKind;
 use gdg::map::{Grid, RandomMapKind};
 use gdg::text::display_width;
 use gdg::train::{Method, Preset, Run};

@@ -153,7 +153,7 @@ fn short_name(key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tui::tool::Tool;
+    use crate::tui::choices::Tool;
 
     fn keymap(changes: &[(&str, &[&str])]) -> Result<Keymap, KeymapError> {
         let owned = |keys: &[&str]| keys.iter().map(|k| (*k).to_owned()).collect();

@@ -8,8 +8,8 @@ use ratatui::text::{Line, Span};
 
 use super::action::Action;
 use super::pane_text::fitted_line;
-use super::projection::Projection;
 use super::viewport::MapFrame;
+use super::viewport::Projection;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {

@@ -9,7 +9,7 @@ use jiff::tz::TimeZone;
 use super::dialog::{Choice, Item, Picker};
 use crate::host::saves::resume_command;
 use crate::tui::action::{Action, Binding, Mode, bindings};
-use crate::tui::export_kind::ExportKind;
+use crate::tui::choices::ExportKind;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;

@@ -1,16 +1,15 @@
 //! A run on the screen: forwards what the user does to trainer and viewer, and what they publish to
 //! the screen.
 //!
-//! What commands do with it: `time`, `view`, `change_run`, `disk`, `saving`, `tour`. `answer`:
+//! What commands do with it: `watching`, `change_run`, `disk`, `saving`, `tour`. `answer`:
 //! dialogs and their answers.
 
 mod answer;
 pub mod change_run;
 pub mod disk;
 pub mod saving;
-pub mod time;
 mod tour;
-pub mod view;
+pub mod watching;
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -26,11 +25,11 @@ use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::interface::TerminalRequest;
 use super::keymap::Keymap;
-use super::layer::draw_dialog;
 use super::layout::ScreenLayout;
 use super::link::TrainerLink;
 use super::lists;
 use super::render;
+use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::{PATIENCE, Screen};
 use disk::ShowResult;

@@ -3,15 +3,12 @@
 use std::time::Instant;
 
 use super::{Action as A, Binding, Both, ListAction, Mode, Section};
+use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
 use crate::tui::dialog::{Dialog, Help};
-use crate::tui::export_kind::ExportKind;
 use crate::tui::interface::TerminalRequest;
 use crate::tui::lists;
-use crate::tui::overlay::Overlay;
-use crate::tui::panes::Pane;
-use crate::tui::session::{Session, change_run, disk, saving, time, view};
-use crate::tui::tool::Tool;
+use crate::tui::session::{Session, change_run, disk, saving, watching};
 use gdg::engine::Step;
 
 /// A row for an action that `run` performs.
@@ -59,12 +56,12 @@ const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str
 
 /// A row for an overlay.
 const fn overlay(overlay: Overlay, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    watch(A::Toggle(overlay), name, keys, |s, action| view::toggle_overlay(s, action)).each()
+    watch(A::Toggle(overlay), name, keys, |s, action| watching::toggle_overlay(s, action)).each()
 }
 
 /// A row for a pane.
 const fn pane(pane: Pane, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(A::Show(pane), name, keys, |s, action| view::show(s, action)).watching()
+    bind(A::Show(pane), name, keys, |s, action| watching::show(s, action)).watching()
 }
 
 /// A row for an action of the editor.
@@ -95,7 +92,7 @@ impl Binding {
             return session.screen.notify(&text);
         }
         if self.is_about_present {
-            time::leave_past(session);
+            watching::leave_past(session);
         }
         let (began, dialogs) = (Instant::now(), session.screen.dialogs.len());
         (self.run)(session, self.action);
@@ -166,24 +163,24 @@ pub const SECTIONS: &[Section] = &[
 ];
 
 const TRAINING: &[Binding] = &[
-    bind(A::TogglePause, "pause", &["space"], |s, _| time::toggle_pause(s))
+    bind(A::TogglePause, "pause", &["space"], |s, _| watching::toggle_pause(s))
         .about("pause or resume training", "stop halt continue unpause play start run go wait")
         .short("pause")
         .own(Comparison::toggle_pause),
-    bind(A::StepUpdate, "step-update", &["."], |s, _| time::step(s, Step::Update))
+    bind(A::StepUpdate, "step-update", &["."], |s, _| watching::step(s, Step::Update))
         .about("run one update, then pause", "single step advance gradient")
         .each(),
-    bind(A::StepEpisode, "step-episode", &[","], |s, _| time::step(s, Step::Episode))
+    bind(A::StepEpisode, "step-episode", &[","], |s, _| watching::step(s, Step::Episode))
         .about("train until an episode ends, then pause", "next step advance")
         .each(),
-    bind(A::Faster, "faster", &[">"], |s, _| time::change_speed(s, true))
+    bind(A::Faster, "faster", &[">"], |s, _| watching::change_speed(s, true))
         .about("more updates per second", "speed fast quick rate limit unlimited accelerate max"),
-    bind(A::Slower, "slower", &["<"], |s, _| time::change_speed(s, false))
+    bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
     watch(A::Freeze, "freeze", &["shift-f"], |s, _| s.screen.frozen = !s.screen.frozen)
         .about("freeze the screen while training continues", "still hold lock display")
         .each(),
-    bind(A::Evaluate, "evaluate", &["y"], |s, _| time::evaluate(s))
+    bind(A::Evaluate, "evaluate", &["y"], |s, _| watching::evaluate(s))
         .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
     watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| change_run::ask_to_restart(s))
@@ -220,7 +217,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .about("put the goal at the cursor", "target set")
         .own(Comparison::move_goal)
         .in_present(),
-    watch(A::OnArrival, "on-arrival", &["t"], |s, _| view::next_on_arrival(s))
+    watch(A::OnArrival, "on-arrival", &["t"], |s, _| watching::next_on_arrival(s))
         .about("when @ arrives: restart, visit other goals, or stay", "tour loop repeat")
         .own(Comparison::next_on_arrival),
 ];
@@ -231,12 +228,12 @@ const fn towards(action: A, name: &'static str, keys: &'static [&'static str]) -
 }
 
 const VIEW: &[Binding] = &[
-    watch(A::Field(true), "next-field", &["v"], |s, _| view::next_field(s, true))
+    watch(A::Field(true), "next-field", &["v"], |s, _| watching::next_field(s, true))
         .about("colour the map by the next quantity", "view field distance heatmap visits error")
         .short("view")
         .own(Comparison::next_field)
         .in_present(),
-    watch(A::Field(false), "previous-field", &["shift-v"], |s, _| view::next_field(s, false))
+    watch(A::Field(false), "previous-field", &["shift-v"], |s, _| watching::next_field(s, false))
         .about("colour the map by the previous quantity", "view field distance heatmap back")
         .own(Comparison::next_field)
         .in_present(),
@@ -276,10 +273,10 @@ const VIEW: &[Binding] = &[
     scene(A::Pan(0, 1), "pan-down", &["shift-down", "alt-down"])
         .about("pan the map downwards", "scroll")
         .each(),
-    watch(A::Back, "back-in-time", &["["], |s, _| time::step_through_film(s, false))
+    watch(A::Back, "back-in-time", &["["], |s, _| watching::step_through_film(s, false))
         .about("go back in time: what was learned by then", "past history film rewind earlier")
         .each(),
-    watch(A::Forth, "forth-in-time", &["]"], |s, _| time::step_through_film(s, true))
+    watch(A::Forth, "forth-in-time", &["]"], |s, _| watching::step_through_film(s, true))
         .about("go forward in time, up to the present", "future now film later next travel movie")
         .each(),
     watch_scene(A::Projection, "projection", &["shift-p"])
@@ -287,7 +284,7 @@ const VIEW: &[Binding] = &[
         .short("projection"),
     watch_scene(A::Alone, "alone", &["shift-z"])
         .about("show the chosen projection alone, or all", "single full"),
-    watch(A::Marker, "marker", &["m"], |s, _| view::change_marker(s))
+    watch(A::Marker, "marker", &["m"], |s, _| watching::change_marker(s))
         .about("pixels, half blocks or quadrants", "characters symbols resolution font")
         .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
@@ -304,7 +301,7 @@ const PANES: &[Binding] = &[
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
     pane(Pane::Log, "log", &["5"])
         .about("event log", "messages events history notices errors pane panel"),
-    bind(A::NextPane, "next-pane", &["tab"], |s, _| view::show_next(s))
+    bind(A::NextPane, "next-pane", &["tab"], |s, _| watching::show_next(s))
         .about("select the next pane", "panel tab switch")
         .short("panes"),
     watch(A::Maximise, "maximise", &["z"], |s, _| s.screen.maximised = !s.screen.maximised)
@@ -374,7 +371,7 @@ const PROGRAM: &[Binding] = &[
     .short("help")
     .own(Comparison::open_help)
     .in_lists(),
-    bind(A::Close, "close", &["esc"], |s, _| view::close_top(s))
+    bind(A::Close, "close", &["esc"], |s, _| watching::close_top(s))
         .about("close the topmost dialog or mode", "cancel back escape")
         .own(Comparison::close_top)
         .in_lists(),

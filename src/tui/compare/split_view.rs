@@ -22,15 +22,14 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{Comparison, LETTERS, maze_of};
 use crate::tui::action::{Action, Mode};
-use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::short;
-use crate::tui::render::pane_chart::{self, ChartLine, PaneCurve};
-use crate::tui::render::{curves, finish_frame, footer, too_small};
+use crate::tui::render::curves::{Axes, ChartLine, PaneCurve, chart_heading, draw_chart};
+use crate::tui::render::dialog::draw_dialog;
+use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::scene::SceneKind;
 use crate::tui::session::{Cx, Session};
-use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::theme::{ColourDepth, blend};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
 use gdg::train::Evaluation;
@@ -165,13 +164,13 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
     if let Some(notice) = notice {
         let at = if is_editing { Rect { y: 0, ..area } } else { area };
-        footer::draw_notice(frame, at, &screen.theme, notice);
+        bars::draw_notice(frame, at, &screen.theme, notice);
     }
     if is_editing {
         let editor = &comparison.maze(comparison.editor_at).editor;
-        footer::editing(screen, editor, area.width).draw(frame, area, layout);
+        bars::editing(screen, editor, area.width).draw(frame, area, layout);
     } else if comparison.notice().is_none() {
-        footer::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
+        bars::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
     }
 }
 
@@ -275,7 +274,7 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
     let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
-    let lines = pane_chart::heading(&title, all.iter().map(PaneCurve::label), area.width);
+    let lines = chart_heading(&title, all.iter().map(PaneCurve::label), area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     layout.add(head, Click::Act(Action::Axis));
@@ -296,6 +295,6 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let upright = |points| ChartLine { style: BOLD, marker: Marker::Braille, points };
     let uprights = moments.iter().map(|points| upright(&points[..]));
     let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
-    let axes = pane_chart::Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
-    pane_chart::draw(frame, body, axes, lines.chain(uprights));
+    let axes = Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
+    draw_chart(frame, body, axes, lines.chain(uprights));
 }

@@ -1,4 +1,4 @@
-//! Lists to pick from and questions to answer.
+//! Dialogs above a run or a comparison: the help, lists to pick from and questions to answer.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Position, Rect};
@@ -7,12 +7,13 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
-use super::{middle, without_slivers};
-use crate::tui::dialog::{Item, Picker, PickerRow, Prompt};
+use super::{help, middle, without_slivers};
+use crate::tui::dialog::{Dialog, Item, Picker, PickerRow, Prompt};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::{first_lines, wrapped};
+use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::{BOLD, DIM, REVERSED};
 use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.
@@ -27,9 +28,21 @@ const MIN_ROWS: u16 = 5;
 const LABEL_MARGIN: usize = 3;
 const KEY_MARGIN: usize = 2;
 
+/// Draws the topmost dialog, if there is one, and records where it is.
+pub fn draw_dialog(frame: &mut Frame, screen: &Screen, scene: &Scene, layout: &mut ScreenLayout) {
+    let Some(top) = screen.dialogs.last() else { return };
+    // What is below a dialog does not react to clicks.
+    layout.forget_clicks();
+    match top {
+        Dialog::Help(help) => help::draw(frame, screen, scene, help, layout),
+        Dialog::Pick(picker) => draw_picker(frame, picker, layout),
+        Dialog::Ask(prompt) => draw_prompt(frame, screen, prompt, layout),
+    }
+}
+
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the
 /// list.
-pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout) {
+fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout) {
     let area = frame.area();
     let width = usize::from(without_slivers(area, list_width(picker, area.width) as u16));
     let columns = width.saturating_sub(2);
@@ -183,7 +196,7 @@ fn draw_search(frame: &mut Frame, line: Rect, picker: &Picker) {
     set_cursor(frame, line, 2 + cursor);
 }
 
-pub fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
+fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
     let area = frame.area();
     let width = without_slivers(area, MAX_PROMPT_WIDTH);
     let (text, style) = match &prompt.error {

@@ -16,8 +16,7 @@ use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::wrapped;
 use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::theme::ColourDepth;
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED};
 
 /// Columns of the help, if there is room.
 const HELP_WIDTH: u16 = 78;

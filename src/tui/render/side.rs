@@ -11,12 +11,12 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{ScreenPainter, curves};
 use crate::tui::action::Action;
+use crate::tui::choices::Pane;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wrapped};
-use crate::tui::panes::Pane;
 use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::{BOLD, DIM, REVERSED};
 
 /// Minimum rows for two panes below each other, and for three.
 const TWO_PANE_ROWS: u16 = 30;

@@ -12,13 +12,12 @@ use ratatui::text::Line;
 
 use super::{Cache, SceneKind};
 use crate::tui::action::{Action, Binding};
+use crate::tui::choices::{Overlay, Pane};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::link::TrainerLink;
-use crate::tui::overlay::Overlay;
 use crate::tui::pane_text::{fact, heading};
-use crate::tui::panes::Pane;
-use crate::tui::projection::{Angle, Camera, Projection, ShownAngles, has_room};
 use crate::tui::screen::Screen;
+use crate::tui::viewport::{Angle, Camera, Projection, ShownAngles, has_room};
 use gdg::engine::Snapshot;
 use gdg::env::{GoalSpace, WorldScene};
 use gdg::viewer::{Field, Request, View};

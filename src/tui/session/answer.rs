@@ -1,16 +1,18 @@
-//! Input to dialogs, and the effects of their answers.
+//! Input to dialogs, of which the topmost one gets every event, and the effects of their answers.
 
 use std::path::Path;
 
-use crossterm::event::Event;
+use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEventKind};
 use rand::RngExt;
 use ratatui::layout::Position;
 
 use super::disk::{self, checkpoint_file};
 use super::saving::unsaved;
-use super::{Cx, Session, change_run, time, view};
+use super::{Cx, Session, change_run, watching};
+use crate::tui::action::Mode;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
-use crate::tui::layer::Reply;
+use crate::tui::keymap::Keymap;
+use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::lists;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for};
@@ -101,7 +103,7 @@ impl Session {
                 change_run::change(change, saver, cx);
             }
             Choice::Change(run) => change_run::change_to(*run, saver, cx),
-            Choice::Theme(name) => view::set_theme(&mut cx.screen, name),
+            Choice::Theme(name) => watching::set_theme(&mut cx.screen, name),
             Choice::Folder(folder) => disk::pick_map(cx, Some(&folder)),
             Choice::OpenMap(path) => disk::open_map(cx, &path),
             Choice::OpenBuiltin(name) => {
@@ -128,8 +130,8 @@ impl Session {
             Choice::Load(path) => change_run::load(path, false, cx),
             Choice::LoadUnsaved(path) => change_run::load(path, true, cx),
             Choice::Field(field) => {
-                time::leave_past(cx);
-                view::show_field(cx, field);
+                watching::leave_past(cx);
+                watching::show_field(cx, field);
             }
             Choice::Export(kind) => disk::export(kind, cx),
             Choice::Quit { save: true } => saver.save_and_quit(cx),
@@ -191,4 +193,76 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
         (Some(lost), None) => Some(format!("{lost}; Enter again writes it without them")),
         (None, replaced) => replaced.map(|file| format!("{file} exists: Enter again replaces it")),
     })
+}
+
+#[derive(Debug)]
+enum Reply {
+    Stays,
+    Closes,
+    Accepts,
+    Picks(Choice),
+}
+
+impl Dialog {
+    /// Handles a key; below the dialog, the screen is in mode `behind`.
+    fn key(&mut self, key: KeyEvent, keymap: &Keymap, behind: Mode) -> Reply {
+        match (self, key.code) {
+            (Self::Help(help), _) => {
+                let closes = help.on_key(key, keymap.action(key, behind));
+                if closes { Reply::Closes } else { Reply::Stays }
+            }
+            (_, KeyCode::Esc) => Reply::Closes,
+            (_, KeyCode::Enter) => Reply::Accepts,
+            (Self::Pick(picker), _) => {
+                if picker.on_key(key) {
+                    Reply::Accepts
+                } else {
+                    Reply::Stays
+                }
+            }
+            (Self::Ask(prompt), _) => {
+                prompt.on_key(key);
+                Reply::Stays
+            }
+        }
+    }
+
+    fn mouse(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> Reply {
+        let lines = match kind {
+            MouseEventKind::ScrollUp => -1,
+            MouseEventKind::ScrollDown => 1,
+            MouseEventKind::Down(MouseButton::Left) => return self.click(at, layout),
+            _ => return Reply::Stays,
+        };
+        match self {
+            Self::Help(help) => help.scroll(3 * lines),
+            Self::Pick(picker) => picker.move_selection(lines),
+            Self::Ask(_) => {}
+        }
+        Reply::Stays
+    }
+
+    fn click(&mut self, at: Position, layout: &ScreenLayout) -> Reply {
+        let (rows, first) = layout.rows;
+        match (layout.click(at), self) {
+            (Some(Click::Answer), _) => Reply::Accepts,
+            (Some(Click::Act(action)), _) => Reply::Picks(Choice::Act(action)),
+            (Some(Click::Close), _) | (None, Self::Help(_)) => Reply::Closes,
+            _ if !layout.dialog.contains(at) => Reply::Closes,
+            (None, Self::Pick(picker)) => {
+                // A click below the last item picks nothing.
+                let picks = rows.contains(at) && picker.select(first + usize::from(at.y - rows.y));
+                if picks { Reply::Accepts } else { Reply::Stays }
+            }
+            (None, Self::Ask(_)) => Reply::Stays,
+        }
+    }
+
+    fn paste(&mut self, text: &str) {
+        match self {
+            Self::Help(help) => help.search_for(text),
+            Self::Pick(picker) => picker.insert(text),
+            Self::Ask(prompt) => prompt.insert(text),
+        }
+    }
 }

@@ -1,8 +1,8 @@
 //! Every action: reachable by keyboard alone, listed in the help, and safe at any time.
 
 use super::*;
+use crate::tui::choices::Pane;
 use crate::tui::dialog::Choice;
-use crate::tui::panes::Pane;
 
 fn is_of_trainer(binding: &Binding) -> bool {
     [Mode::Watching, Mode::Editing, Mode::Touring].into_iter().any(|mode| binding.is_active(mode))

@@ -1,8 +1,7 @@
 //! The mouse, apart from setting goals: keys in the footer, names, lists, zooming, panning, and editing.
 
 use super::*;
-use crate::tui::overlay::Overlay;
-use crate::tui::panes::Pane;
+use crate::tui::choices::{Overlay, Pane};
 
 /// Clicks on the first place that shows `text`.
 fn click_on(app: &mut impl Driven, (width, height): (u16, u16), text: &str) {

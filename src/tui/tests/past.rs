@@ -2,8 +2,8 @@
 
 use super::staged::staged_app;
 use super::*;
+use crate::tui::choices::Pane;
 use crate::tui::drawings::name;
-use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
 use gdg::train::{Film, FilmFrame};
 use gdg::viewer::{FilmedMap, Plane, View};
