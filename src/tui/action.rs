@@ -1,4 +1,4 @@
-//! User actions. Keys, footer, help, command palette and what an action does all come from one table.
+//! User actions. Keys, footer, help and what an action does all come from one table.
 
 mod table;
 
@@ -43,6 +43,7 @@ pub enum Action {
     Theme,
     Show(Pane),
     NextPane,
+    Messages,
     Maximise,
     Scroll(isize),
     ToggleEdit,
@@ -58,7 +59,6 @@ pub enum Action {
     Export,
     NextTourStep,
     EndTour,
-    Palette,
     Help,
     Close,
     Redraw,

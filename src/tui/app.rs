@@ -127,11 +127,9 @@ impl App {
         }
         let is_editing = matches!(mode, Mode::Editing | Mode::EditingBoth);
         let place = if is_editing { "in the editor" } else { "here" };
-        let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
+        let help = keymap.key_of(Action::Help);
         let key = keymap::name_of(key);
-        self.say(&format!(
-            "{key} does nothing {place} \u{b7} {help} help \u{b7} {find} all commands"
-        ));
+        self.say(&format!("{key} does nothing {place}: {help} lists all keys"));
     }
 
     fn on_mouse(&mut self, mouse: MouseEvent) {

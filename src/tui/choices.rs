@@ -15,12 +15,11 @@ pub enum Pane {
     Curves,
     Walk,
     Legend,
-    Log,
 }
 
 impl Pane {
     /// All panes, in the order of their keys, the most informative first.
-    pub const ALL: [Self; 5] = [Self::Training, Self::Curves, Self::Walk, Self::Legend, Self::Log];
+    pub const ALL: [Self; 4] = [Self::Training, Self::Curves, Self::Walk, Self::Legend];
 
     pub fn name(self) -> &'static str {
         match self {
@@ -28,7 +27,6 @@ impl Pane {
             Self::Curves => "curves",
             Self::Walk => "walk",
             Self::Legend => "map",
-            Self::Log => "log",
         }
     }
 
@@ -190,13 +188,13 @@ impl Tool {
     /// Returns its name, and what the mouse does with it.
     pub fn about(self) -> (&'static str, &'static str) {
         match self {
-            Self::Pencil => ("wall", "drag: walls, right drag: floor"),
+            Self::Pencil => ("wall", "drag: walls; right: floor"),
             Self::Eraser => ("floor", "drag: floor"),
-            Self::Line => ("line", "drag: a wall, right drag: floor"),
-            Self::Rectangle => ("box", "drag: an outline, right drag: floor"),
+            Self::Line => ("line", "drag: a wall; right: floor"),
+            Self::Rectangle => ("box", "drag: an outline; right: floor"),
             Self::Fill => ("fill", "click: fill, or clear a wall"),
-            Self::Start => ("start", "click: add or remove s, drag: move"),
-            Self::Goal => ("goal", "click: add or remove g, drag: move"),
+            Self::Start => ("start", "click: add, remove s; drag: it"),
+            Self::Goal => ("goal", "click: add, remove g; drag: it"),
         }
     }
 

@@ -21,7 +21,7 @@ use ratatui::layout::Position;
 
 use super::action::{Action, Binding, Both, Mode, binding_of};
 use super::config::UiConfig;
-use super::dialog::{Choice, Dialog, Help};
+use super::dialog::Choice;
 use super::interface::ClosedRun;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
@@ -317,16 +317,11 @@ impl Comparison {
 
     pub fn open_help(&mut self, _: Action) {
         let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_deref()));
-        let comparison = Some(contenders::introduction(about));
-        self.sessions[0].open(Dialog::Help(Help { comparison, ..Help::default() }));
-    }
-
-    /// Opens the list of actions: of those that comparisons have, and of the others, to say why.
-    pub fn open_palette(&mut self, _: Action) {
+        let introduction = contenders::introduction(about);
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let list = lists::actions_of_comparisons(&cx.screen, &cx.scene, fields);
-        self.sessions[0].open(list);
+        let help = lists::help_of_comparison(&cx.screen, &cx.scene, &introduction, fields);
+        self.sessions[0].open(help);
     }
 
     pub fn close_top(&mut self, action: Action) {

@@ -1,7 +1,5 @@
 //! The areas of the last frame, to find what a click is on.
 
-use std::ops::Range;
-
 use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::{Line, Span};
@@ -34,7 +32,6 @@ pub struct ScreenLayout {
     pub dialog: Rect,
     /// The rows of the topmost list, and the index of the first one shown.
     pub rows: (Rect, usize),
-    pub help_lines: Option<Range<usize>>,
     pub charts: Vec<ChartArea>,
     /// The box of the guided tour, and the step it belongs to.
     pub tour: Option<(usize, Rect)>,

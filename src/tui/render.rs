@@ -17,8 +17,7 @@ pub(super) mod bars;
 mod caption;
 pub(super) mod curves;
 pub(super) mod dialog;
-pub(super) mod help;
-mod side;
+pub(super) mod side;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};

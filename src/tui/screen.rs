@@ -47,7 +47,7 @@ pub struct Screen {
     pub pane: Pane,
     /// Whether that pane fills the screen.
     pub maximised: bool,
-    /// How far back curves and log are scrolled, in pages.
+    /// How far back curves are scrolled, in pages.
     pub scrolled: usize,
     /// What the walking agent does at the goal.
     pub on_arrival: OnArrival,
@@ -173,7 +173,7 @@ impl Screen {
         self.dialogs.push(dialog.into());
     }
 
-    /// Scrolls curves and log by pages: back if negative.
+    /// Scrolls curves by pages: back if negative.
     pub fn scroll(&mut self, pages: isize) {
         self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }

@@ -4,7 +4,7 @@
 //! What commands do with it: `watching`, `change_run`, `disk`, `saving`, `tour`. `answer`:
 //! dialogs and their answers.
 
-mod answer;
+pub mod answer;
 pub mod change_run;
 pub mod disk;
 pub mod saving;
@@ -370,7 +370,7 @@ impl Session {
         self.cache.begin();
         let Cx { screen, scene, .. } = &self.cx;
         let mut layout = render::draw_panes(frame, screen, scene, &mut self.cache);
-        draw_dialog(frame, screen, scene, &mut layout);
+        draw_dialog(frame, screen, &mut layout);
         render::finish_frame(frame, &screen.theme);
         self.drawn(layout);
     }
@@ -380,11 +380,6 @@ impl Session {
     pub fn drawn(&mut self, layout: ScreenLayout) {
         let Cx { screen, scene, link, .. } = &mut self.cx;
         let before = std::mem::replace(&mut screen.layout, layout);
-        if let (Some(Dialog::Help(help)), Some(lines)) =
-            (screen.dialogs.last_mut(), &screen.layout.help_lines)
-        {
-            (help.first, help.page) = (lines.start, lines.len());
-        }
         scene.drawn(before, screen, link);
     }
 }

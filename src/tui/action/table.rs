@@ -5,7 +5,6 @@ use std::time::Instant;
 use super::{Action as A, Binding, Both, ListAction, Mode, Section};
 use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
-use crate::tui::dialog::{Dialog, Help};
 use crate::tui::interface::TerminalRequest;
 use crate::tui::lists;
 use crate::tui::session::{Session, change_run, disk, saving, watching};
@@ -167,17 +166,17 @@ const TRAINING: &[Binding] = &[
         .about("pause or resume training", "stop halt continue unpause play start run go wait")
         .short("pause")
         .own(Comparison::toggle_pause),
-    bind(A::StepUpdate, "step-update", &["."], |s, _| watching::step(s, Step::Update))
+    bind(A::StepUpdate, "step-update", &[], |s, _| watching::step(s, Step::Update))
         .about("run one update, then pause", "single step advance gradient")
         .each(),
-    bind(A::StepEpisode, "step-episode", &[","], |s, _| watching::step(s, Step::Episode))
+    bind(A::StepEpisode, "step-episode", &[], |s, _| watching::step(s, Step::Episode))
         .about("train until an episode ends, then pause", "next step advance")
         .each(),
     bind(A::Faster, "faster", &[">"], |s, _| watching::change_speed(s, true))
         .about("more updates per second", "speed fast quick rate limit unlimited accelerate max"),
     bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
-    watch(A::Freeze, "freeze", &["shift-f"], |s, _| s.screen.frozen = !s.screen.frozen)
+    watch(A::Freeze, "freeze", &[], |s, _| s.screen.frozen = !s.screen.frozen)
         .about("freeze the screen while training continues", "still hold lock display")
         .each(),
     bind(A::Evaluate, "evaluate", &["y"], |s, _| watching::evaluate(s))
@@ -205,7 +204,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
     towards(A::Move(0, 1), "down", &["down", "j"]).help("move the goal or cursor down").in_lists(),
     towards(A::Move(0, -1), "up", &["up", "k"]).help("move the goal or cursor up").in_lists(),
     towards(A::Move(1, 0), "right", &["right", "l"]).help("move the goal or cursor right"),
-    watch_scene(A::NewStart, "new-start", &["w"])
+    watch_scene(A::NewStart, "new-start", &[])
         .about("put @ at a random place (right-click: at that cell)", "start agent walker")
         .own(Comparison::new_start)
         .in_present(),
@@ -299,17 +298,20 @@ const PANES: &[Binding] = &[
     pane(Pane::Walk, "walk", &["3"]).about("the walking agent", "pane panel"),
     pane(Pane::Legend, "legend", &["4"])
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
-    pane(Pane::Log, "log", &["5"])
-        .about("event log", "messages events history notices errors pane panel"),
     bind(A::NextPane, "next-pane", &["tab"], |s, _| watching::show_next(s))
         .about("select the next pane", "panel tab switch")
         .short("panes"),
     watch(A::Maximise, "maximise", &["z"], |s, _| s.screen.maximised = !s.screen.maximised)
         .about("maximise or restore the pane", "maximize full screen fullscreen enlarge large"),
+    watch(A::Messages, "messages", &["5"], |s, _| match lists::messages(s.screen.log.entries()) {
+        Some(list) => s.open(list),
+        None => s.screen.say("no messages yet"),
+    })
+    .about("all messages of this run, the latest first", "log events history notices errors"),
     bind(A::Scroll(-1), "scroll-back", &["pageup"], |s, _| s.screen.scroll(-1))
-        .about("scroll curves and log back", "page up earlier"),
+        .about("scroll curves back", "page up earlier"),
     bind(A::Scroll(1), "scroll-on", &["pagedown"], |s, _| s.screen.scroll(1))
-        .about("scroll curves and log forward", "page down later"),
+        .about("scroll curves forward", "page down later"),
 ];
 
 const MAP_EDITOR: &[Binding] = &[
@@ -357,17 +359,11 @@ const PROGRAM: &[Binding] = &[
     bind(A::EndTour, "end-tour", &["esc"], |s, _| s.guide.end(&mut s.cx))
         .help("end the tour")
         .within(Mode::Touring),
-    bind(A::Palette, "palette", &[":", "ctrl-p"], |s, _| {
-        s.open(lists::actions(&s.screen, &s.scene));
-    })
-    .about("find an action by name", "command search")
-    .short("all")
-    .own(Comparison::open_palette),
-    bind(A::Help, "help", &["?", "f1"], |s, _| {
+    bind(A::Help, "help", &["?", ":", "f1", "ctrl-p"], |s, _| {
         s.screen.explains = false;
-        s.open(Dialog::Help(Help::default()));
+        s.open(lists::help(&s.screen, &s.scene));
     })
-    .about("show or hide this help", "keys shortcuts manual documentation bindings usage")
+    .about("this help: all actions, settings and numbers", "keys command search manual bindings")
     .short("help")
     .own(Comparison::open_help)
     .in_lists(),
@@ -391,9 +387,8 @@ const PROGRAM: &[Binding] = &[
 ];
 
 const COMPARISON: &[Binding] = &[
-    beside(A::Axis, "axis", &["g"], |comparison, _| comparison.axis = comparison.axis.next())
-        .help("curves over environment steps, seconds or updates")
-        .short("axis"),
+    beside(A::Axis, "axis", &[], |comparison, _| comparison.axis = comparison.axis.next())
+        .help("curves over environment steps, seconds or updates (or click on their title)"),
     beside(A::NextLarger, "next-larger", &["tab"], Comparison::next_larger)
         .help("left or right side larger, or both equal")
         .short("size"),

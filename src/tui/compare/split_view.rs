@@ -91,8 +91,8 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     }
     draw_curves(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
-    let Cx { screen, scene, .. } = &comparison.sessions[0].cx;
-    draw_dialog(frame, screen, scene, &mut drawn[0]);
+    let Cx { screen, .. } = &comparison.sessions[0].cx;
+    draw_dialog(frame, screen, &mut drawn[0]);
     finish_frame(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
     let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);

@@ -149,7 +149,7 @@ fn what_to_see(screen: &Screen) -> Option<Vec<Hint>> {
 const MAX_NOTICE_ROWS: usize = 4;
 
 /// Keys at the end of the line that are the last to be left out.
-const LAST_KEYS: [Action; 3] = [Action::Palette, Action::Help, Action::Quit];
+const LAST_KEYS: [Action; 2] = [Action::Help, Action::Quit];
 
 /// Draws the line, and the rest of a long notice above it.
 pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
@@ -255,13 +255,14 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         }
         bar
     };
-    let keys = [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")];
+    let [apply, undo] = [(Action::Apply, "use"), (Action::Undo, "undo")];
+    let [save, done] = [(Action::SaveMap, "save map"), (Action::ToggleEdit, "done")];
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
-    let options = [(all, &keys[..]), (all, &keys[2..]), (own, &keys[..]), (own, &keys[2..])];
-    let mut lines = options.map(|(tools, keys)| line(tools, keys)).into_iter();
+    let keys = [&[apply, undo, save, done][..], &[apply, undo, done], &[done]];
+    let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
     let fits = |bar: &ClickableLine| bar.width() <= usize::from(width);
-    let mut bar = lines.find(fits).unwrap_or_else(|| line(own, &keys[2..]));
-    let mouse = format!(" {}", editor.tool.about().1);
+    let mut bar = { options }.find(fits).unwrap_or_else(|| line(own, &[done]));
+    let mouse = editor.tool.about().1;
     if bar.width() + mouse.len() <= usize::from(width) {
         bar.push(Span::styled(mouse, DIM), None);
     }

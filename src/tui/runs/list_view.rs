@@ -25,10 +25,12 @@ use super::list::List;
 use crate::experiment::plot::Measure;
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
+use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::pane_text::{fitted_line, wrapped};
 use crate::tui::render::curves::{Axes, PaneCurve, chart_heading, draw_chart};
-use crate::tui::render::{bars, curves, finish_frame, help, too_small};
+use crate::tui::render::dialog::draw_picker;
+use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::theme::{BOLD, DIM, REVERSED, Theme};
 use gdg::text::{counted, display_width, fitted, fitted_file, grouped, sanitized};
 use gdg::train::{Preset, list_settings};
@@ -94,9 +96,9 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
         _ => draw_settings(frame, inner, &runs, &screen.theme),
     }
     footer(frame, foot, screen, layout);
-    if let Some(shown) = &screen.help {
+    if let Some(Dialog::Pick(help)) = &screen.help {
         layout.forget_clicks();
-        help::draw_for_lists(frame, &screen.keymap, shown, layout);
+        draw_picker(frame, help, layout);
     }
     finish_frame(frame, &screen.theme);
     places

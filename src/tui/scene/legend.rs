@@ -231,7 +231,7 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         fact("then", screen.on_arrival.name()),
         Line::default(),
         Line::from(format!(" {} or click: new goal", key(Action::NewGoal))),
-        Line::from(format!(" {} or right-click: new start", key(Action::NewStart))),
+        Line::from(format!(" {} or right-click: new start", key(Action::StartHere))),
     ]);
     lines
 }

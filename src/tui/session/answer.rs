@@ -9,9 +9,7 @@ use ratatui::layout::Position;
 use super::disk::{self, checkpoint_file};
 use super::saving::unsaved;
 use super::{Cx, Session, change_run, watching};
-use crate::tui::action::Mode;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
-use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::lists;
 use gdg::files::check_name;
@@ -21,13 +19,12 @@ use gdg::train::{Run, is_checkpoint, with_setting};
 impl Session {
     /// Handles an event while a dialog is open; returns what the user has picked in it.
     pub fn on_event_in_dialog(&mut self, event: &Event) -> Option<Choice> {
-        let mode = self.mode();
         let screen = &mut self.cx.screen;
         let layer = screen.dialogs.last_mut()?;
         let reply = match event {
             Event::Key(key) if !key.is_release() => {
                 screen.log.dismiss();
-                layer.key(*key, &screen.keymap, mode)
+                layer.key(*key)
             }
             Event::Mouse(mouse) => {
                 layer.mouse(mouse.kind, Position::new(mouse.column, mouse.row), &screen.layout)
@@ -68,7 +65,6 @@ impl Session {
                 return choice;
             }
             Dialog::Ask(prompt) => self.accept(prompt),
-            Dialog::Help(_) => {}
         }
         None
     }
@@ -195,8 +191,9 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
     })
 }
 
+/// What an event does to a dialog.
 #[derive(Debug)]
-enum Reply {
+pub enum Reply {
     Stays,
     Closes,
     Accepts,
@@ -204,14 +201,13 @@ enum Reply {
 }
 
 impl Dialog {
-    /// Handles a key; below the dialog, the screen is in mode `behind`.
-    fn key(&mut self, key: KeyEvent, keymap: &Keymap, behind: Mode) -> Reply {
+    pub fn key(&mut self, key: KeyEvent) -> Reply {
         match (self, key.code) {
-            (Self::Help(help), _) => {
-                let closes = help.on_key(key, keymap.action(key, behind));
-                if closes { Reply::Closes } else { Reply::Stays }
-            }
             (_, KeyCode::Esc) => Reply::Closes,
+            // The key that opens the help closes it, too.
+            (Self::Pick(picker), KeyCode::Char('?')) if picker.typed().0.is_empty() => {
+                Reply::Closes
+            }
             (_, KeyCode::Enter) => Reply::Accepts,
             (Self::Pick(picker), _) => {
                 if picker.on_key(key) {
@@ -227,7 +223,7 @@ impl Dialog {
         }
     }
 
-    fn mouse(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> Reply {
+    pub fn mouse(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> Reply {
         let lines = match kind {
             MouseEventKind::ScrollUp => -1,
             MouseEventKind::ScrollDown => 1,
@@ -235,8 +231,7 @@ impl Dialog {
             _ => return Reply::Stays,
         };
         match self {
-            Self::Help(help) => help.scroll(3 * lines),
-            Self::Pick(picker) => picker.move_selection(lines),
+            Self::Pick(picker) => picker.move_selection(3 * lines),
             Self::Ask(_) => {}
         }
         Reply::Stays
@@ -247,7 +242,7 @@ impl Dialog {
         match (layout.click(at), self) {
             (Some(Click::Answer), _) => Reply::Accepts,
             (Some(Click::Act(action)), _) => Reply::Picks(Choice::Act(action)),
-            (Some(Click::Close), _) | (None, Self::Help(_)) => Reply::Closes,
+            (Some(Click::Close), _) => Reply::Closes,
             _ if !layout.dialog.contains(at) => Reply::Closes,
             (None, Self::Pick(picker)) => {
                 // A click below the last item picks nothing.
@@ -258,9 +253,8 @@ impl Dialog {
         }
     }
 
-    fn paste(&mut self, text: &str) {
+    pub fn paste(&mut self, text: &str) {
         match self {
-            Self::Help(help) => help.search_for(text),
             Self::Pick(picker) => picker.insert(text),
             Self::Ask(prompt) => prompt.insert(text),
         }
