@@ -12,7 +12,7 @@
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
 //!   of actions alone names what comes later: the functions that carry them out.
 //! * `dialog`, `layout`, `log`: what a screen consists of besides the scene.
-//! * `screen`: all of that; `link`: the ways to trainer and viewer.
+//! * `screen`: all of that, and the ways to trainer and viewer.
 //! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
 //!   world, with its state.
 //! * `render`: the panes, dialogs and everything else around it; `lists`: what there is to pick from;
@@ -38,7 +38,6 @@ mod input;
 mod interface;
 mod keymap;
 mod layout;
-mod link;
 mod lists;
 mod log;
 mod pane_text;

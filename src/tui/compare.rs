@@ -132,12 +132,12 @@ impl Comparison {
     fn start_race(&mut self, start: Cell, goal: Cell) {
         for session in &mut self.sessions {
             // The goal comes last: a view with its number has both.
-            session.in_maze(|maze, screen, link| {
-                place_walker(Some(start), screen, link);
-                maze.set_goal(goal, screen, link);
+            session.in_maze(|maze, screen| {
+                place_walker(Some(start), screen);
+                maze.set_goal(goal, screen);
             });
         }
-        let requests = self.sessions.each_ref().map(|session| session.link.goal_request);
+        let requests = self.sessions.each_ref().map(|session| session.screen.goal_request);
         self.race.begin(start, goal, requests);
     }
 
@@ -390,10 +390,10 @@ impl Comparison {
         let lags = self.lags;
         let other = &mut self.sessions[1 - own];
         watching::leave_past(other);
-        self.lags = other.in_maze(|maze, screen, link| {
+        self.lags = other.in_maze(|maze, screen| {
             maze.editor = editor;
             if lags {
-                maze.change_map(Some(map.clone()), screen, link);
+                maze.change_map(Some(map.clone()), screen);
             }
             lags && !Arc::ptr_eq(&maze.map, &map)
         });
@@ -438,9 +438,9 @@ impl Comparison {
     fn mirror(&mut self, own: usize) {
         let maze = self.maze(own);
         let (viewport, hovered) = (maze.viewport, maze.hovered);
-        self.sessions[1 - own].in_maze(|maze, _, link| {
+        self.sessions[1 - own].in_maze(|maze, screen| {
             maze.viewport = viewport;
-            maze.hover(hovered, link);
+            maze.hover(hovered, screen);
         });
     }
 }

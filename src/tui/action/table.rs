@@ -44,9 +44,20 @@ const fn watch(
     bind(action, name, keys, run).watching()
 }
 
+/// Has the scene perform an action.
+fn act_in_scene(session: &mut Session, action: A) {
+    session.cx.scene.act(action, &mut session.cx.screen);
+}
+
+/// The same for the goal, after which nobody needs a hint how to set it.
+fn act_on_goal(session: &mut Session, action: A) {
+    session.screen.explains = false;
+    act_in_scene(session, action);
+}
+
 /// A row for an action that the scene performs.
 const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(action, name, keys, |s, action| s.act_in_scene(action))
+    bind(action, name, keys, act_in_scene)
 }
 
 const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
@@ -195,7 +206,7 @@ const TRAINING: &[Binding] = &[
 ];
 
 const GOAL_AND_AGENT: &[Binding] = &[
-    watch(A::NewGoal, "new-goal", &["n"], Session::act_on_goal)
+    watch(A::NewGoal, "new-goal", &["n"], act_on_goal)
         .about("a random new goal (or click on the map)", "target destination next change set")
         .short("goal")
         .own(Comparison::new_goal)
@@ -212,7 +223,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .about("put @ at the cursor or goal", "start agent walker position teleport")
         .own(Comparison::start_here)
         .in_present(),
-    watch(A::GoalHere, "goal-here", &["enter"], Session::act_on_goal)
+    watch(A::GoalHere, "goal-here", &["enter"], act_on_goal)
         .about("put the goal at the cursor", "target set")
         .own(Comparison::move_goal)
         .in_present(),
@@ -223,7 +234,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
 
 /// A row for an arrow key.
 const fn towards(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(action, name, keys, Session::act_on_goal).own(Comparison::move_goal)
+    bind(action, name, keys, act_on_goal).own(Comparison::move_goal)
 }
 
 const VIEW: &[Binding] = &[

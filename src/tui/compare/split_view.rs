@@ -28,6 +28,7 @@ use crate::tui::render::curves::{Axes, ChartLine, PaneCurve, chart_heading, draw
 use crate::tui::render::dialog::draw_dialog;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::scene::SceneKind;
+use crate::tui::screen::success_of;
 use crate::tui::session::{Cx, Session};
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
 use gdg::engine::Phase;
@@ -177,7 +178,7 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
     let session = &comparison.sessions[own];
     let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.reach);
-    let (success, latest) = (session.screen.success(), snapshot.evaluations.last());
+    let (success, latest) = (success_of(snapshot), snapshot.evaluations.last());
     let unknown = || "-".to_owned();
     let rate = |rate: f64| format!("{rate:.2}");
     let plans = session.screen.run().method.plans();

@@ -225,13 +225,18 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         )),
     }
     let key = |action| screen.keymap.key_of(action);
+    let start = if scene.offers(Action::StartHere) {
+        key(Action::StartHere) + " or "
+    } else {
+        String::new()
+    };
     lines.extend([
         heading("walks"),
         fact("arrivals", format!("{} of {}", reach.finished.0, reach.finished.1)),
         fact("then", screen.on_arrival.name()),
         Line::default(),
         Line::from(format!(" {} or click: new goal", key(Action::NewGoal))),
-        Line::from(format!(" {} or right-click: new start", key(Action::StartHere))),
+        Line::from(format!(" {start}right-click: new start")),
     ]);
     lines
 }

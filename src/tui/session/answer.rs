@@ -112,7 +112,7 @@ impl Session {
                 disk::offer_map(cx, Grid::empty("new", width, height));
             }
             Choice::OpenRandom(kind) => {
-                let seed = cx.link.rng.random_range(0..1_000);
+                let seed = cx.screen.rng.random_range(0..1_000);
                 disk::offer_map(cx, gdg::map::random(kind, None, seed));
             }
             Choice::OpenWorld(name) => {

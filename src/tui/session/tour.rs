@@ -173,11 +173,11 @@ impl Tour {
     }
 
     fn send_walker(&mut self, cx: &mut Cx) {
-        maze::place_walker(self.start, &mut cx.screen, &cx.link);
+        maze::place_walker(self.start, &mut cx.screen);
     }
 
     fn aim_at(&mut self, goal: Cell, cx: &mut Cx) {
-        cx.in_maze(|maze, screen, link| maze.set_goal(goal, screen, link));
+        cx.in_maze(|maze, screen| maze.set_goal(goal, screen));
         self.send_walker(cx);
     }
 
@@ -206,21 +206,21 @@ fn show_overlay(overlay: Overlay, shown: bool, cx: &mut Cx) -> bool {
     let changes = cx.screen.overlays.has(overlay) != shown;
     if changes {
         cx.screen.overlays.toggle(overlay);
-        cx.act_in_scene(Action::Toggle(overlay));
+        cx.scene.act(Action::Toggle(overlay), &mut cx.screen);
     }
     changes
 }
 
 /// Makes cells free or walls, as the editor does; returns whether they are.
 fn edit_cells(cells: &[Cell], free: bool, cx: &mut Cx) -> bool {
-    cx.in_maze(|maze, screen, link| {
+    cx.in_maze(|maze, screen| {
         let map = maze.map.clone();
         let inside = |cell: &&Cell| map.contains(**cell);
         let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
         if !done(&map) {
             let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
             let new = changed.filter(|new| *new != *map).map(Arc::new);
-            maze.change_map(new, screen, link);
+            maze.change_map(new, screen);
         }
         done(&maze.map)
     })

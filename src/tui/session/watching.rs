@@ -15,7 +15,7 @@ use gdg::viewer::{Field, OnArrival, Request};
 
 pub fn set_on_arrival(cx: &mut Cx, on_arrival: OnArrival) {
     cx.screen.on_arrival = on_arrival;
-    cx.link.request(Request::OnArrival(on_arrival));
+    cx.screen.request(Request::OnArrival(on_arrival));
 }
 
 pub fn next_on_arrival(cx: &mut Cx) {
@@ -25,7 +25,7 @@ pub fn next_on_arrival(cx: &mut Cx) {
 
 pub fn show_field(cx: &mut Cx, field: Field) {
     cx.screen.field = field;
-    cx.link.request(Request::Field(field));
+    cx.screen.request(Request::Field(field));
 }
 
 pub fn next_field(cx: &mut Cx, forward: bool) {
@@ -40,7 +40,7 @@ pub fn toggle_overlay(cx: &mut Cx, action: Action) {
         return screen.say(&why);
     }
     let shown = screen.overlays.toggle(overlay);
-    cx.scene.act(action, screen, &mut cx.link);
+    cx.scene.act(action, screen);
     screen.say(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
 }
 
@@ -83,14 +83,14 @@ pub fn show_next(cx: &mut Cx) {
 
 /// Leaves what is on top: the past, or something enlarged.
 pub fn close_top(cx: &mut Cx) {
-    if cx.return_to_present()
-        || cx.scene.close(&cx.link)
+    if cx.screen.return_to_present()
+        || cx.scene.close(&mut cx.screen)
         || std::mem::take(&mut cx.screen.maximised)
     {
         return;
     }
     if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
-        cx.act_in_scene(Action::ZoomOff);
+        cx.scene.act(Action::ZoomOff, &mut cx.screen);
     }
 }
 
@@ -99,21 +99,21 @@ const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600
 
 pub fn toggle_pause(cx: &mut Cx) {
     let trains = cx.snapshots().borrow().phase.is_training();
-    if cx.command(if trains { EngineCommand::Pause } else { EngineCommand::Resume }) {
+    if cx.screen.command(if trains { EngineCommand::Pause } else { EngineCommand::Resume }) {
         cx.screen.pausing = trains;
     }
 }
 
 /// Runs a step, pausing training first if necessary.
 pub fn step(cx: &mut Cx, step: Step) {
-    if cx.screen.snapshot.phase.is_training() && cx.command(EngineCommand::Pause) {
+    if cx.screen.snapshot.phase.is_training() && cx.screen.command(EngineCommand::Pause) {
         cx.screen.pausing = true;
     }
-    cx.command(EngineCommand::Step(step));
+    cx.screen.command(EngineCommand::Step(step));
 }
 
 pub fn evaluate(cx: &mut Cx) {
-    cx.command(EngineCommand::Evaluate);
+    cx.screen.command(EngineCommand::Evaluate);
 }
 
 pub fn change_speed(cx: &mut Cx, faster: bool) {
@@ -129,7 +129,7 @@ pub fn change_speed(cx: &mut Cx, faster: bool) {
     } else {
         SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
     };
-    if cx.command(EngineCommand::LimitSpeed(speed)) {
+    if cx.screen.command(EngineCommand::LimitSpeed(speed)) {
         cx.screen.say(&match speed {
             Some(speed) => format!("at most {speed:.0} updates per second"),
             None => "no speed limit".to_owned(),
@@ -175,20 +175,20 @@ pub fn look_at_curves(cx: &mut Cx, at: f64) {
 
 /// Returns to the present for what is about it, and says so.
 pub fn leave_past(cx: &mut Cx) {
-    if cx.return_to_present() {
+    if cx.screen.return_to_present() {
         cx.screen.say("back in the present");
     }
 }
 
 pub fn look_at(cx: &mut Cx, frame: Option<Arc<FilmFrame>>) {
     if frame.is_none() {
-        cx.return_to_present();
+        cx.screen.return_to_present();
     } else {
         if cx.screen.past.is_none() {
             cx.screen.say("the map shows the past; panes show the present");
         }
         cx.screen.past.clone_from(&frame);
-        cx.link.request(Request::Past(frame));
+        cx.screen.request(Request::Past(frame));
     }
 }
 
