@@ -9,7 +9,6 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 
 use super::characters::QUADRANTS;
-use super::export_kind::ExportKind;
 use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
@@ -18,6 +17,7 @@ use crate::figure::{
     Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, PIXEL, Point, Sheet, colour,
     round_top,
 };
+use crate::tui::choices::ExportKind;
 use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
 use gdg::train::Evaluation;

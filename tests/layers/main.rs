@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 mod imports;
+mod links;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
