@@ -68,7 +68,9 @@ impl EvaluationJob {
         let (progress, stages) = (job, 1 + 2 * usize::from(self.candidates.is_some()));
         let mut stage = 0;
         progress.begin(stage, stages);
+        let go_on = || if job.is_cancelled() { Err(EnvError::Stopped) } else { Ok(()) };
         let graph = self.graph(job);
+        go_on()?;
         stage += usize::from(graph.is_some());
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
@@ -81,11 +83,8 @@ impl EvaluationJob {
                 !job.is_cancelled()
             };
             let runs = run_tasks(world, &tasks.tasks, actor, rng, &mut watch)?;
-            if job.is_cancelled() {
-                Err(EnvError::Stopped)
-            } else {
-                Ok(Score::new(tasks, &runs.taken))
-            }
+            go_on()?;
+            Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
         let planned_score = planned.as_ref().map(&mut score).transpose()?;
         let greedy_score = score(&greedy)?;
