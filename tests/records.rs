@@ -179,22 +179,13 @@ fn records_are_logged_where_people_look() {
     }
     let mut command = program_in(folder.path());
     command.args(["suite", "fourrooms", "--budget", "200", "--eval-tasks", "2", "--out", "."]);
-    assert_eq!(
-        ran({
-            command.args(SMALL);
-            command
-        })
-        .status,
-        Some(0)
-    );
+    command.args(SMALL);
+    assert_eq!(ran(command).status, Some(0));
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = std::env::var_os("GDG_PYTHON").unwrap_or_else(|| "python3".into());
-    let mut command = isolated(Command::new(python), root);
-    command
-        .arg("-B")
-        .arg("tests/logged.py")
-        .arg(folder.path())
-        .env("PYTHONPATH", root.join("python"));
+    let mut command = isolated(Command::new(python), folder.path());
+    command.arg("-B").arg(root.join("tests/logged.py")).arg(".");
+    command.env("PYTHONPATH", root.join("python"));
     let done = ran(command);
     assert_eq!(done.status, Some(0), "{}", done.err);
     println!("{}", done.out);

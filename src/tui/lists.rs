@@ -24,7 +24,7 @@ use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
     CheckpointError, LogEntry, METHODS, Method, NamedMethod, Preset, Registry, RunDescription,
-    SETTINGS, Setting, list_settings,
+    SETTINGS, Setting, USUAL, list_settings,
 };
 use gdg::viewer::Field;
 
@@ -42,7 +42,8 @@ pub fn help(screen: &Screen, scene: &Scene) -> Picker {
     let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);
-        Item { detail, marked: false, ..setting }.within("settings")
+        let below = setting.below[..3].to_vec();
+        Item { detail, below, marked: false, ..setting }.within("settings")
     });
     help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
@@ -170,16 +171,19 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
         .into_iter()
         .zip(list_settings(&screen.settings_of(run.preset)));
     let all = SETTINGS.iter().zip(values);
-    let items = all.map(|(setting, ((_, now), (_, default)))| Item {
-        marked: screen.changed_settings.contains(setting.name),
-        ..setting_item(setting, &now, &default, run.preset)
-    });
-    items.collect()
+    let mut items: Vec<Item> = all
+        .map(|(setting, ((_, now), (_, default)))| Item {
+            marked: screen.changed_settings.contains(setting.name),
+            ..setting_item(setting, &now, &default, run.preset)
+        })
+        .collect();
+    items.sort_by_key(|item| item.group != USUAL);
+    items
 }
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
 fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
-    let Setting { name, group, about, unit, values, effect, .. } = setting;
+    let Setting { name, about, usual, unit, values, effect, .. } = setting;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let of = if preset == Preset::Default {
         String::new()
@@ -190,10 +194,11 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
         format!("{about}."),
         format!("Now {now}{unit}; {default} by default{of}. Possible: {values}."),
         format!("A change {}.", effect.about()),
+        (*usual).to_owned(),
     ];
     let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
-    Item { below, ..Item::new(*name, detail, choice).within(group) }
+    Item { below, ..Item::new(*name, detail, choice).within(setting.heading()) }
 }
 
 pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {

@@ -155,6 +155,17 @@ fn a_resumed_run_goes_on_in_its_own_table() {
     ]));
     let part = folder.path().join("part.csv");
     let rows = without_times(&part);
+    // What no table has is said, once.
+    let late = ["--max-updates", "1000", "--save", "late.safetensors"];
+    run(&with(&[&["trap", "--csv", "late.csv"][..], &late].concat()));
+    let later = ["--resume", "late.safetensors", "--save", "late.safetensors", "--max-updates"];
+    run(&with(&[&later[..], &["2100"]].concat()));
+    for (updates, said) in
+        [("2200", "late.csv: has no rows of updates 1,000 to 2,100, without --csv\n"), ("2300", "")]
+    {
+        let args = with(&[&later[..], &[updates, "--csv", "late.csv"]].concat());
+        assert_eq!(outcome(&mut headless(folder.path(), &args)).2, said);
+    }
     // A run that has ended is only evaluated again.
     run(&with(&["--resume", "run.safetensors", "--max-updates", "1000", "--csv", "part.csv"]));
     assert_eq!(without_times(&part), rows);

@@ -22,7 +22,7 @@ mod visits;
 
 use crate::env::EnvError;
 use crate::learn::LearnError;
-pub use crate::settings::{Effect, Preset, Setting};
+pub use crate::settings::{Effect, Preset, Setting, USUAL};
 use crate::store::StoreError;
 pub use checkpoint::{
     CheckpointError, RunDescription, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
