@@ -5,7 +5,6 @@ mod progress;
 mod records;
 
 use std::io::ErrorKind;
-use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +25,8 @@ use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped, sanitized};
 use gdg::train::{
-    self, Due, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Trainer, TrainingLoop,
+    self, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Trainer, TrainingEvent,
+    TrainingLoop,
 };
 use metrics::MetricsTable;
 use progress::Progress;
@@ -185,43 +185,37 @@ impl HeadlessRun<'_> {
         let mut session = TrainingLoop::resume(schedule, &self.setup.trainer);
         self.report_reached_limit();
         loop {
-            while let Some(due) = session.next_due() {
-                let Setup { trainer, limits, edits, .. } = &mut self.setup;
-                match due {
-                    Due::Recovery(recovery) => report_recovery(recovery)?,
-                    Due::Progress => {
-                        print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
-                        self.table.iter_mut().for_each(|table| table.add(trainer, None));
-                    }
-                    Due::Edit(i) => {
-                        let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
-                        print(&Record::edit(trainer, change))?;
-                    }
-                    // An evaluation at the end follows anyway.
-                    Due::Evaluation if trainer.limit_reached(limits).is_some() => {}
-                    Due::Evaluation => match self.evaluate()? {
-                        Some(Ok(_)) => {}
-                        // The world has prevented it; training goes on.
-                        Some(Err(error)) => {
-                            log::warn!("{error}");
-                            let at = grouped(self.setup.trainer.counters().updates);
-                            let left_out =
-                                format!("the evaluation at update {at}, which failed twice");
-                            print_error(
-                                &Report::msg(error)
-                                    .wrap_err(format!("training continues without {left_out}")),
-                            );
-                        }
-                        None => return Ok(EndReason::Interrupted),
-                    },
-                    Due::Save => self.save_periodically(),
+            let Setup { trainer, limits, edits, .. } = &mut self.setup;
+            match session.next(trainer, limits).into_diagnostic()? {
+                TrainingEvent::Ticked(_) => self.progress.show(trainer),
+                TrainingEvent::Ended(reason) => return Ok(reason),
+                TrainingEvent::Recovery(recovery) => report_recovery(recovery)?,
+                TrainingEvent::Progress => {
+                    print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
+                    self.table.iter_mut().for_each(|table| table.add(trainer, None));
                 }
+                TrainingEvent::Edit(i) => {
+                    let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
+                    print(&Record::edit(trainer, change))?;
+                }
+                // An evaluation at the end follows anyway.
+                TrainingEvent::Evaluation if trainer.limit_reached(limits).is_some() => {}
+                TrainingEvent::Evaluation => match self.evaluate()? {
+                    Some(Ok(_)) => {}
+                    // The world has prevented it; training goes on.
+                    Some(Err(error)) => {
+                        log::warn!("{error}");
+                        let at = grouped(self.setup.trainer.counters().updates);
+                        let then = format!(
+                            "training continues without the evaluation at update {at}, which failed \
+                             twice"
+                        );
+                        print_error(&Report::msg(error).wrap_err(then));
+                    }
+                    None => return Ok(EndReason::Interrupted),
+                },
+                TrainingEvent::Save => self.save_periodically(),
             }
-            let Setup { trainer, limits, .. } = &mut self.setup;
-            if let ControlFlow::Break(reason) = session.tick(trainer, limits).into_diagnostic()? {
-                return Ok(reason);
-            }
-            self.progress.show(trainer);
         }
     }
 
@@ -330,8 +324,9 @@ pub fn evaluate(
     termination: &TerminationSignal,
 ) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
     let evaluation = trainer.evaluation().into_diagnostic()?.within(max_steps);
-    let work = move |job: &Job| evaluation.evaluate(per_group, job).transpose();
-    let evaluated = run_interruptibly("evaluation", termination, work)?.flatten();
+    let work = move |job: &Job| evaluation.evaluate(per_group, job);
+    let evaluated = run_interruptibly("evaluation", termination, work)?;
+    let evaluated = evaluated.filter(|done| !matches!(done, Err(EnvError::Stopped)));
     if let Some(Ok(evaluation)) =
         evaluated.as_ref().filter(|done| done.as_ref().is_ok_and(Evaluation::is_finite))
     {

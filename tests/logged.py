@@ -1,6 +1,6 @@
 """Logs records by `python -m gdg_tui.log` to each service that is installed, and reads them back.
 
-    python tests/logged.py FOLDER    with a.jsonl, b.jsonl (the run resumed), jobs/*.json and pictures/*.png
+    python tests/logged.py FOLDER    with a.jsonl, b.jsonl (the run resumed), jobs/ and pictures/
 
 Nothing is sent anywhere. Prints the services that are not installed.
 """
@@ -15,7 +15,8 @@ import subprocess
 import sys
 
 os.chdir(sys.argv[1])
-os.environ |= {"WANDB_MODE": "offline", "TRACKIO_DIR": "trackio", "HF_HUB_OFFLINE": "1", "MLFLOW_TRACKING_URI": "sqlite:///ml.db"}
+os.environ |= {"WANDB_MODE": "offline", "TRACKIO_DIR": "trackio", "HF_HUB_OFFLINE": "1"}
+os.environ["MLFLOW_TRACKING_URI"] = "sqlite:///ml.db"
 RECORDS = [json.loads(line) for name in "ab" for line in pathlib.Path(f"{name}.jsonl").open()]
 CURVE = {r["updates"]: r["greedy"]["success"] for r in RECORDS if r["event"] == "evaluation"}
 METRIC = "greedy/success"
@@ -42,15 +43,16 @@ def mlflow():
 
     client = MlflowClient()
     for run in client.search_runs([client.get_experiment_by_name("gdg-tui").experiment_id]):
-        points = {point.step: point.value for point in client.get_metric_history(run.info.run_id, METRIC)}
+        history = client.get_metric_history(run.info.run_id, METRIC)
+        points = {point.step: point.value for point in history}
         assert run.data.params["method"] == "gdg-bridge" and run.info.status == "FINISHED"
         yield run.info.run_name, points, bool(client.list_artifacts(run.info.run_id))
 
 
 def trackio():
     runs = {}
-    rows = sqlite3.connect("trackio/gdg-tui.db").execute("select run_name, step, metrics from metrics")
-    for run, step, metrics in rows:
+    database = sqlite3.connect("trackio/gdg-tui.db")
+    for run, step, metrics in database.execute("select run_name, step, metrics from metrics"):
         points, pictures, metrics = *runs.setdefault(run, ({}, [])), json.loads(metrics)
         points |= {step: metrics[METRIC]} if METRIC in metrics else {}
         pictures += ["map"] if "map" in metrics else []
@@ -74,7 +76,8 @@ def wandb():
                 continue
             record, whole = Record.FromString(whole), b""
             names |= {own: record.run.display_name} if record.HasField("run") else {}
-            values = {item.key or "/".join(item.nested_key): json.loads(item.value_json) for item in record.history.item}
+            items = ((item.key or "/".join(item.nested_key), item) for item in record.history.item)
+            values = {key: json.loads(item.value_json) for key, item in items}
             points, pictures = runs.setdefault(own, ({}, []))
             points |= {values["_step"]: values[METRIC]} if METRIC in values else {}
             pictures += [key for key in values if key.startswith("map")]
@@ -96,5 +99,5 @@ for read in tensorboard, mlflow, trackio, wandb:
     near = {step: abs(value - CURVE[step]) < 1e-6 for step, value in points.items()}
     assert points.keys() == CURVE.keys() and all(near.values()), (service, points, CURVE)
     assert has_picture and len(whole) == 10, (service, job, whole)
-    assert run.startswith("fourrooms-gdg-bridge-hidden=16") and run.rpartition("-")[0] != job.rpartition("-")[0]
+    assert run.startswith("fourrooms-gdg-bridge-hidden=16") and run[-12:] != job[-12:]
     print(f"{service}: a resumed run and a job")

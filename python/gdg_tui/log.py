@@ -1,6 +1,6 @@
 """Logs runs to Weights & Biases, Trackio, TensorBoard or MLflow, from the records of gdg-tui.
 
-    gdg-tui --no-ui fourrooms --max-updates 20000 | tee run.jsonl | python -m gdg_tui.log --to wandb
+    gdg-tui --no-ui fourrooms --max-updates 20000 | tee -i run.jsonl | python -m gdg_tui.log --to wandb
     python -m gdg_tui.log run.jsonl resumed.jsonl --to tensorboard
     python -m gdg_tui.log saves/suite/jobs/*.json --to mlflow
 
@@ -16,6 +16,7 @@ import hashlib
 import json
 import pathlib
 import re
+import signal
 import sys
 import time
 from typing import Any, Iterator
@@ -121,7 +122,7 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def records(path: pathlib.Path | None) -> Iterator[dict[str, Any]]:
-    """Yields the records of a file or of standard input, or those that a job's result amounts to."""
+    """Yields the records of a file or of standard input, or what a job's result amounts to."""
     text = path.read_text(encoding="utf-8") if path else ""
     if path and path.suffix == ".json":
         job = json.loads(text)
@@ -147,8 +148,8 @@ def described(start: dict[str, Any]) -> tuple[str, dict[str, Any]]:
         settings = [f"{name}={value}" for name, value in settings.items()]
     world = world["name"] if isinstance(world, dict) else world
     name = "-".join(map(str, [world, start.get("method"), *settings, start.get("seed"), key]))
-    config = {name: value if isinstance(value, (int, float)) else str(value) for name, value in flat(fixed)}
-    return re.sub(r"[^\w.=+-]+", "_", name), config
+    plain = lambda value: value if isinstance(value, (int, float)) else str(value)
+    return re.sub(r"[^\w.=+-]+", "_", name), {part: plain(value) for part, value in flat(fixed)}
 
 
 def numbers(event: str, record: dict[str, Any]) -> dict[str, float]:
@@ -167,14 +168,19 @@ def show(run: Any, picture: pathlib.Path, step: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m gdg_tui.log", description=__doc__.splitlines()[0])
-    parser.add_argument("files", nargs="*", type=pathlib.Path, help="records (.jsonl), or results of jobs (.json)")
-    parser.add_argument("--to", choices=SERVICES, required=True)
-    parser.add_argument("--project", default="gdg-tui", help="project, experiment or folder (default: gdg-tui)")
-    parser.add_argument("--picture", type=pathlib.Path, help="a PNG of the map; a suite's are found")
+    parser = argparse.ArgumentParser(prog="python -m gdg_tui.log", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add = parser.add_argument
+    add("files", nargs="*", type=pathlib.Path, help="records (.jsonl), or results of jobs (.json)")
+    add("--to", choices=SERVICES, required=True)
+    add("--project", default="gdg-tui", help="project, experiment or folder (default: gdg-tui)")
+    add("--picture", type=pathlib.Path, help="a PNG of the map; those of a suite are found")
     options = parser.parse_args()
     if options.picture and not options.picture.is_file():
         parser.error(f"there is no {options.picture}")
+    if not options.files:
+        # Ctrl-C ends the trainer, whose last records are still to come.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     run, step = None, 0
     for path in options.files or [None]:
         for record in records(path):
@@ -195,4 +201,9 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except ImportError as error:
+        sys.exit(f"{error}: pip install {error.name}")
+    except OSError as error:
+        sys.exit(str(error))

@@ -305,10 +305,17 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
             run.problem.as_ref().map_or(String::new(), |at| format!("line {}", &at[1..]))
         }),
     ];
-    let circumstances = CIRCUMSTANCES.iter().enumerate().map(|(i, name)| {
-        let name = if *name == "edit" { "map edited" } else { name };
-        row(name, &|run| run.circumstances()[i].clone().unwrap_or_default())
+    let edits = row("map edited", &|run| match &run.edits[..] {
+        [] => String::new(),
+        [(at, _)] => format!("at {}", grouped(*at)),
+        [.., (last, _)] => format!("{}x to {}", run.edits.len(), grouped(*last)),
     });
+    let circumstances = CIRCUMSTANCES
+        .iter()
+        .enumerate()
+        .skip(1)
+        .map(|(i, name)| row(name, &|run| run.circumstances()[i].clone().unwrap_or_default()));
+    let circumstances = [edits].into_iter().chain(circumstances);
     // A setting's value is the run's own, or else its preset's.
     let value = |run: &SavedRun, name: &str| {
         let of = |name: &str| own(run).find(|(own, _)| *own == name).map(|(_, value)| value);

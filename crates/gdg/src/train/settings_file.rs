@@ -361,28 +361,20 @@ fn offset_of(text: &str, line: usize, column: usize) -> usize {
 }
 
 pub fn reference_page() -> String {
-    let mut page = "# Settings\n\n```sh\ngdg-tui --set learning_rate=0.003 --set hidden=64\n```\n\n\
-                    Set one with `--set NAME=VALUE`, several with `--config FILE` \
-                    (JSON, in the format of `--print-config`), or change any of them during \
-                    training with `o`. The usual ones come first, with what they do to success, as \
-                    [measured](research/settings.md). Former names still work. This page is printed \
-                    by `gdg-tui settings`.\n\nSome worlds bring default settings of their own, on top of the \
-                    presets that adapt to the world:\n\n"
-        .to_owned();
+    let mut page = "# Settings\n\n```sh\ngdg-tui --set learning_rate=0.003 --set hidden=64\n```\n
+Set one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as of `--print-config`), or change any of
+them during training with `o`. A change takes effect immediately, unless the last column says otherwise. The
+usual ones come first, with what they do to success early in training, as [measured](research/settings.md).
+Former names still work. This page is printed by `gdg-tui settings`.
+
+Some worlds bring default settings of their own, on top of the presets `default` and `tuned`; `paper` and `sb3`
+stay as published. `--config` and `--set` come last.
+
+"
+    .to_owned();
     for WorldKind { name, defaults, .. } in WORLDS.iter().filter(|kind| !kind.defaults.is_empty()) {
         page += &format!("- `{name}`: `{}`\n", defaults.join(" "));
     }
-    let (adapt, published): (Vec<Preset>, Vec<Preset>) =
-        Preset::ALL.iter().partition(|preset| preset.adapts_to_world());
-    let list = |presets: &[Preset]| {
-        presets.iter().map(|p| format!("`{}`", p.name())).collect::<Vec<_>>().join(" and ")
-    };
-    page += &format!(
-        "\nThese presets are {}; {} stay as published. `--config` and `--set` come last. \
-         A change takes effect immediately, unless the last column says otherwise.\n",
-        list(&adapt),
-        list(&published)
-    );
     let presets = Preset::ALL.map(|preset| list_settings(&preset.settings()));
     let names = Preset::ALL.map(Preset::name).join(" | ");
     let columns = "---|".repeat(Preset::ALL.len() + 5);
