@@ -68,13 +68,13 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
             return Ok(EXIT_BAD_INPUT);
         }
     };
-    let updates_before = setup.trainer.counters().updates;
+    let begun_at = setup.trainer.counters().updates;
     let progress = Progress::new(&setup.limits, setup.trainer.seconds());
-    let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
+    let mut run = HeadlessRun { setup, options, progress, saver, table, termination, begun_at };
     let ended = run.run();
     // Saves what was learned, even after an error.
     let saved = run.save_at_end();
-    run.report_unsaved(updates_before, ended.as_ref().ok().map(|(reason, _)| *reason));
+    run.report_unsaved(ended.as_ref().ok().map(|(reason, _)| *reason));
     let (reason, evaluation) = ended.map_err(|error| run.explained(error))?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
@@ -134,6 +134,8 @@ struct HeadlessRun<'a> {
     saver: Option<CheckpointSaver>,
     table: Option<MetricsTable>,
     termination: TerminationSignal,
+    /// The updates that it had before.
+    begun_at: u64,
 }
 
 impl HeadlessRun<'_> {
@@ -267,9 +269,9 @@ impl HeadlessRun<'_> {
 
     /// Reports what is lost without `--save`, unless that seems intended: a new run that reached
     /// its limit.
-    fn report_unsaved(&self, updates_before: u64, reason: Option<EndReason>) {
+    fn report_unsaved(&self, reason: Option<EndReason>) {
         let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
-        let unsaved = self.setup.trainer.counters().updates.saturating_sub(updates_before);
+        let unsaved = self.setup.trainer.counters().updates.saturating_sub(self.begun_at);
         if self.saver.is_none() && unsaved > 0 && !(is_complete && self.setup.resumed.is_none()) {
             eprint_line(&format!(
                 "not saved: {}; give --save FILE to keep them",
@@ -297,7 +299,9 @@ impl HeadlessRun<'_> {
     /// signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
         let trainer = &mut self.setup.trainer;
-        let evaluated = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?;
+        let is_new = trainer.counters().updates > self.begun_at;
+        let tasks = self.options.eval_tasks;
+        let evaluated = evaluate(trainer, tasks, None, is_new, &self.termination)?;
         let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };
         if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
@@ -309,12 +313,14 @@ impl HeadlessRun<'_> {
 }
 
 /// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or
-/// `max_steps`, and adds a finite result to its history. Runs on another thread so that signals are
-/// handled at once; returns `None` if one arrives, and the error if the world fails.
+/// `max_steps`, and adds a finite result to its history; one that is not new only if it is another
+/// than the latest. Runs on another thread so that signals are handled at once; returns `None` if one
+/// arrives, and the error if the world fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
     max_steps: Option<u32>,
+    is_new: bool,
     termination: &TerminationSignal,
 ) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
     let evaluation = trainer.evaluation().into_diagnostic()?.within(max_steps);
@@ -324,7 +330,11 @@ pub fn evaluate(
     if let Some(Ok(evaluation)) =
         evaluated.as_ref().filter(|done| done.as_ref().is_ok_and(Evaluation::is_finite))
     {
-        trainer.record_evaluation(trainer.moment(), evaluation.clone());
+        let made = trainer.moment();
+        let latest = trainer.history().evaluations().last();
+        if is_new || latest.is_none_or(|(at, latest)| (*at, latest) != (made.updates, evaluation)) {
+            trainer.record_evaluation(made, evaluation.clone());
+        }
     }
     Ok(evaluated)
 }

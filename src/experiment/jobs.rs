@@ -438,8 +438,8 @@ impl Runner<'_> {
         let plan = &self.open[i].plan;
         let (amount, unit) = (plan.length.amount(), plan.length.unit());
         let done = plan.length.done(&trainer.counters());
-        let evaluated =
-            evaluate(trainer, plan.tasks_after(done), plan.max_steps, &self.termination)?;
+        let tasks = plan.tasks_after(done);
+        let evaluated = evaluate(trainer, tasks, plan.max_steps, true, &self.termination)?;
         let Some(evaluation) = evaluated.transpose().into_diagnostic()? else {
             return Ok(false);
         };

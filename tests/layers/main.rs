@@ -21,7 +21,7 @@ const LIBRARY: [Room; 15] = [
     ("faults", 130),
     ("job", 360),
     ("files", 900),
-    ("store", 290),
+    ("store", 280),
     ("settings", 400),
     ("map", 3_800),
     ("env", 6_060),
@@ -37,7 +37,7 @@ const LIBRARY: [Room; 15] = [
 const PROGRAM: [Room; 7] = [
     ("host", 1_530),
     ("figure", 860),
-    ("headless", 946),
+    ("headless", 956),
     ("experiment", 5_480),
     ("tui", 19_300),
     ("cli", 628),

@@ -410,8 +410,7 @@ impl<'a> Arrays<'a> {
     }
 
     fn is_half(&self, name: &str) -> bool {
-        let kind = self.file.get_shape_and_dtype(name).map(|(_, kind)| kind);
-        matches!(kind, Ok(DType::F16 | DType::BF16))
+        matches!(self.file.get_shape_and_dtype(name), Ok((_, DType::F16 | DType::BF16)))
     }
 
     fn ends(&self, rows: usize) -> Result<Vec<bool>, String> {

@@ -107,14 +107,9 @@ impl History {
         }
     }
 
-    /// Adds an evaluation, unless it is the last one made again, as of a finished run that is resumed.
     pub fn add_evaluation(&mut self, made: Moment, evaluation: Evaluation) {
-        let evaluation = (made.updates, evaluation);
-        if self.evaluations.last() == Some(&evaluation) {
-            return;
-        }
         let evaluations = Arc::make_mut(&mut self.evaluations);
-        evaluations.push(evaluation);
+        evaluations.push((made.updates, evaluation));
         self.moments.push(made);
         if evaluations.len() > MAX_EVALUATIONS {
             // Always keeps the latest one.

@@ -32,18 +32,6 @@ fn resumed_runs_continue_bitwise_whatever_their_settings() {
     }
 }
 
-#[test]
-fn the_evaluation_of_a_finished_run_is_kept_once() {
-    let mut run = trainer(settings(), 1, 1);
-    for (updates, evaluations) in [(0, 1), (0, 1), (20, 2), (20, 2)] {
-        train_to(&mut run, updates);
-        run = resumed(&run, 1);
-        let evaluation = run.evaluate(&run.tasks(1).unwrap()).unwrap();
-        run.record_evaluation(run.moment(), evaluation);
-        assert_eq!(run.history().evaluations().len(), evaluations, "after {updates} updates");
-    }
-}
-
 /// Whatever the state of a checkpoint says, it is refused or can be trained.
 #[test]
 fn forged_states_do_no_harm() {

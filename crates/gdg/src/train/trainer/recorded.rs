@@ -53,10 +53,9 @@ impl Trainer {
         }
         self.replay = self.replay_of(data);
         let editable = self.rollout.env().abilities().editable;
-        let possible = |s: &[f32], a: &[f32], next: &[f32]| {
-            editable.is_none_or(|editable| editable.is_possible(s, a, next))
-        };
-        let (impossible, _) = self.replay.retain_possible(|s, a, next| Some(possible(s, a, next)));
+        let (impossible, _) = self.replay.retain_possible(|s, a, next| {
+            Some(editable.is_none_or(|editable| editable.is_possible(s, a, next)))
+        });
         let by_chance = self.leave_out_leaps();
         let removed = impossible + by_chance;
         let Self { visits, replay, rollout, .. } = self;
