@@ -288,9 +288,10 @@ pub trait Environment: Any + Send + Sync {
     /// gives up soon, with [`EnvError::Stopped`]. The default never does.
     fn share_job(&mut self, _job: &Job) {}
 
-    /// Takes scales from recorded `walks`, `(steps, state_dim)` each, of a world that knew them only
-    /// by a first look; returns whether they have changed, which they never have by default.
-    fn rescale(&mut self, _walks: &[&[f32]]) -> bool {
+    /// Takes scales from `walks`, `(steps, state_dim)` each, of a world that knew them only by a first
+    /// look: of all components or, once training has begun, of those `beside_goal`. Returns whether
+    /// they have changed, which they never have by default.
+    fn rescale(&mut self, _walks: &[&[f32]], _beside_goal: bool) -> bool {
         false
     }
 

@@ -29,6 +29,7 @@ use crate::learn::error::LearnError;
 use crate::learn::learner::{Acting, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::named_arrays::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::{Policy, Scratch};
+use crate::learn::networks::rescale;
 use crate::learn::networks::returns::Reward;
 use crate::learn::networks::shapes::{Critics, Shapes};
 use crate::learn::settings::LearnSettings;
@@ -256,6 +257,19 @@ impl Learner for NetworkLearner {
         store.put_text("learner_updates", self.training.actor().dense.steps().to_string());
         for (name, network) in self.training.named() {
             network.save(name, store)?;
+        }
+        Ok(())
+    }
+
+    fn save_in_scales_of(&self, spec: &Spec, store: &mut Store) -> Result<(), LearnError> {
+        self.save(store)?;
+        let shapes = self.training.shapes();
+        let specs = [&shapes.encoder.spec, spec];
+        for (k, (name, network)) in self.training.named().enumerate() {
+            rescale::inputs(store, name, network.dense.mlp, specs);
+            if shapes.returns.is_none() && k == shapes.critics {
+                rescale::outputs(store, name, network.dense.mlp, specs);
+            }
         }
         Ok(())
     }

@@ -375,6 +375,7 @@ impl Trainer {
         self.counters.env_steps += self.round_steps();
         self.counters.episodes += round.episodes;
         self.counters.goals_reached += round.reached;
+        self.rescale(self.counters.env_steps - self.round_steps())?;
         Ok(round)
     }
 

@@ -40,7 +40,7 @@ pub struct GoalMoves(VecDeque<GoalMove>);
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct GoalMove {
-    /// Scaled, `(state_dim)`.
+    /// `(state_dim)`.
     state: Vec<f32>,
     action: Vec<f32>,
     /// How far the achieved goal has moved.
@@ -54,21 +54,19 @@ impl GoalMoves {
         }
         let goal: Vec<f32> = spec.achieved(next).collect();
         let far = spec.goal_distance(state, &goal);
-        self.0.push_back(GoalMove { state: scaled(spec, state), action: action.to_vec(), far });
+        self.0.push_back(GoalMove { state: state.to_vec(), action: action.to_vec(), far });
     }
 
     /// Returns the square of the distance from `state` to the nearest remembered one.
-    fn squared_distance(&self, spec: &Spec, state: &[f32]) -> f32 {
-        let state = scaled(spec, state);
-        self.0.iter().map(|own| own.squared(&state)).fold(f32::INFINITY, f32::min)
+    fn squared_distance(&self, weights: &[f32], state: &[f32]) -> f32 {
+        self.0.iter().map(|own| own.squared(weights, state)).fold(f32::INFINITY, f32::min)
     }
 
     /// Returns the action that has moved the achieved goal farthest near `state`, and the square of the
     /// distance to the nearest remembered state.
-    fn best_near(&self, spec: &Spec, state: &[f32]) -> Option<(&[f32], f32)> {
-        let state = scaled(spec, state);
+    fn best_near(&self, weights: &[f32], state: &[f32]) -> Option<(&[f32], f32)> {
         let mut near: Vec<(f32, &GoalMove)> =
-            self.0.iter().map(|own| (own.squared(&state), own)).collect();
+            self.0.iter().map(|own| (own.squared(weights, state), own)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (nearest, _) = near.first()?;
         let best = near.iter().take(NEAR_MOVES).max_by(|a, b| a.1.far.total_cmp(&b.1.far))?;
@@ -89,13 +87,16 @@ impl GoalMoves {
 }
 
 impl GoalMove {
-    fn squared(&self, state: &[f32]) -> f32 {
-        self.state.iter().zip(state).map(|(a, b)| (a - b) * (a - b)).sum()
+    fn squared(&self, weights: &[f32], state: &[f32]) -> f32 {
+        let components = self.state.iter().zip(state).zip(weights);
+        components.map(|((a, b), weight)| weight * (a - b) * (a - b)).sum()
     }
 }
 
-fn scaled(spec: &Spec, state: &[f32]) -> Vec<f32> {
-    state.iter().enumerate().map(|(i, value)| spec.scaled(i, *value)).collect()
+/// Returns how much each component of a state counts: distances are in half ranges.
+fn weights(spec: &Spec) -> Vec<f32> {
+    let weight = |half: &f32| if *half > 0.0 { 1.0 / (half * half) } else { 0.0 };
+    spec.state_half_range.iter().map(weight).collect()
 }
 
 /// An excursion of one agent.
@@ -148,11 +149,12 @@ impl Seek {
             }
             let is_random = rng.random::<f32>() < RANDOM_SHARE;
             let again = rng.random::<f32>() < AGAIN_SHARE;
-            let best = moves.best_near(spec, state).filter(|_| !is_random);
+            let weights = weights(spec);
+            let best = moves.best_near(&weights, state).filter(|_| !is_random);
             self.action = match best {
                 None => tried[..spec.action_dim].to_vec(),
                 Some((best, here)) => {
-                    let (action, ahead) = imagined(spec, moves, state, &tried, policy, scratch);
+                    let (action, ahead) = imagined(&weights, moves, state, &tried, policy, scratch);
                     if here <= ahead && again { best.to_vec() } else { action.to_vec() }
                 }
             };
@@ -166,25 +168,24 @@ impl Seek {
 /// Returns that of the `tried` actions which the model expects to lead nearest to a remembered state
 /// if it is held, and the square of the distance.
 fn imagined<'a>(
-    spec: &Spec,
+    weights: &[f32],
     moves: &GoalMoves,
     state: &[f32],
     tried: &'a [f32],
     policy: &dyn Policy,
     scratch: &mut Scratch,
 ) -> (&'a [f32], f32) {
-    let count = tried.len() / spec.action_dim;
-    let mut states = state.repeat(count);
+    let mut states = state.repeat(TRIED);
     let mut next = states.clone();
-    let mut least = vec![f32::INFINITY; count];
+    let mut least = vec![f32::INFINITY; TRIED];
     for _ in 0..AHEAD_STEPS {
         policy.imagine(&states, tried, &mut next, scratch);
         std::mem::swap(&mut states, &mut next);
         for (least, state) in least.iter_mut().zip(states.chunks_exact(state.len())) {
-            *least = least.min(moves.squared_distance(spec, state));
+            *least = least.min(moves.squared_distance(weights, state));
         }
     }
-    let all = tried.chunks_exact(spec.action_dim).zip(least);
+    let all = tried.chunks_exact(tried.len() / TRIED).zip(least);
     all.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((tried, f32::INFINITY))
 }
 
