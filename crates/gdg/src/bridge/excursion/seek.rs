@@ -18,9 +18,11 @@ use crate::learn::{Policy, Scratch};
 /// Steps of such an excursion without a move.
 pub const SEEK_STEPS: u32 = 50;
 
-/// Actions imagined, for how many steps, and for how many the chosen one is held.
+/// Actions imagined, for how many steps, after how many each time one is compared with what is
+/// remembered, and for how many the chosen one is held.
 const TRIED: usize = 24;
 const AHEAD_STEPS: usize = 20;
+const COMPARED_EVERY: usize = 2;
 const HELD_STEPS: u32 = 2;
 
 /// Remembered moves nearest to a state, of which an agent repeats the farthest.
@@ -57,16 +59,16 @@ impl GoalMoves {
         self.0.push_back(GoalMove { state: state.to_vec(), action: action.to_vec(), far });
     }
 
-    /// Returns the square of the distance from `state` to the nearest remembered one.
-    fn squared_distance(&self, weights: &[f32], state: &[f32]) -> f32 {
-        self.0.iter().map(|own| own.squared(weights, state)).fold(f32::INFINITY, f32::min)
-    }
-
     /// Returns the action that has moved the achieved goal farthest near `state`, and the square of the
     /// distance to the nearest remembered state.
-    fn best_near(&self, weights: &[f32], state: &[f32]) -> Option<(&[f32], f32)> {
+    fn best_near(&self, spec: &Spec, state: &[f32]) -> Option<(&[f32], f32)> {
+        let state = scaled(spec, state);
+        let squared = |own: &GoalMove| {
+            let own = scaled(spec, &own.state);
+            own.iter().zip(&state).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+        };
         let mut near: Vec<(f32, &GoalMove)> =
-            self.0.iter().map(|own| (own.squared(weights, state), own)).collect();
+            self.0.iter().map(|own| (squared(own), own)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (nearest, _) = near.first()?;
         let best = near.iter().take(NEAR_MOVES).max_by(|a, b| a.1.far.total_cmp(&b.1.far))?;
@@ -86,17 +88,8 @@ impl GoalMoves {
     }
 }
 
-impl GoalMove {
-    fn squared(&self, weights: &[f32], state: &[f32]) -> f32 {
-        let components = self.state.iter().zip(state).zip(weights);
-        components.map(|((a, b), weight)| weight * (a - b) * (a - b)).sum()
-    }
-}
-
-/// Returns how much each component of a state counts: distances are in half ranges.
-fn weights(spec: &Spec) -> Vec<f32> {
-    let weight = |half: &f32| if *half > 0.0 { 1.0 / (half * half) } else { 0.0 };
-    spec.state_half_range.iter().map(weight).collect()
+fn scaled(spec: &Spec, state: &[f32]) -> Vec<f32> {
+    state.iter().enumerate().map(|(i, value)| spec.scaled(i, *value)).collect()
 }
 
 /// An excursion of one agent.
@@ -149,12 +142,11 @@ impl Seek {
             }
             let is_random = rng.random::<f32>() < RANDOM_SHARE;
             let again = rng.random::<f32>() < AGAIN_SHARE;
-            let weights = weights(spec);
-            let best = moves.best_near(&weights, state).filter(|_| !is_random);
+            let best = moves.best_near(spec, state).filter(|_| !is_random);
             self.action = match best {
                 None => tried[..spec.action_dim].to_vec(),
                 Some((best, here)) => {
-                    let (action, ahead) = imagined(&weights, moves, state, &tried, policy, scratch);
+                    let (action, ahead) = imagined(spec, moves, state, &tried, policy, scratch);
                     if here <= ahead && again { best.to_vec() } else { action.to_vec() }
                 }
             };
@@ -168,21 +160,40 @@ impl Seek {
 /// Returns that of the `tried` actions which the model expects to lead nearest to a remembered state
 /// if it is held, and the square of the distance.
 fn imagined<'a>(
-    weights: &[f32],
+    spec: &Spec,
     moves: &GoalMoves,
     state: &[f32],
     tried: &'a [f32],
     policy: &dyn Policy,
     scratch: &mut Scratch,
 ) -> (&'a [f32], f32) {
+    let count = moves.0.len();
+    // Component by component, as there are many to compare with.
+    let mut remembered = vec![0.0; count * state.len()];
+    for (m, own) in moves.0.iter().enumerate() {
+        for (i, value) in own.state.iter().enumerate() {
+            remembered[i * count + m] = spec.scaled(i, *value);
+        }
+    }
+    let mut squares = vec![0.0; count];
+    let mut nearest = |state: &[f32]| {
+        squares.fill(0.0);
+        for (i, own) in remembered.chunks_exact(count).enumerate() {
+            let u = spec.scaled(i, state[i]);
+            squares.iter_mut().zip(own).for_each(|(sum, v)| *sum += (v - u) * (v - u));
+        }
+        squares.iter().copied().fold(f32::INFINITY, f32::min)
+    };
     let mut states = state.repeat(TRIED);
     let mut next = states.clone();
     let mut least = vec![f32::INFINITY; TRIED];
-    for _ in 0..AHEAD_STEPS {
+    for step in 1..=AHEAD_STEPS {
         policy.imagine(&states, tried, &mut next, scratch);
         std::mem::swap(&mut states, &mut next);
-        for (least, state) in least.iter_mut().zip(states.chunks_exact(state.len())) {
-            *least = least.min(moves.squared_distance(weights, state));
+        if step.is_multiple_of(COMPARED_EVERY) {
+            for (least, state) in least.iter_mut().zip(states.chunks_exact(state.len())) {
+                *least = least.min(nearest(state));
+            }
         }
     }
     let all = tried.chunks_exact(tried.len() / TRIED).zip(least);

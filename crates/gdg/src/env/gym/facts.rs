@@ -450,6 +450,10 @@ pub mod tests {
             [0.5, f32::from(i), 120.0, 7.0 + on, -40.0 * on]
         };
         let walk: Vec<f32> = (0..101).flat_map(key).collect();
+        // Once training has begun, the goal keeps its scales.
+        let mut beside = found.clone();
+        assert!(beside.rescale(&[&walk, &walk], true));
+        assert_eq!(beside.spec.change_scale[4], first.spec.change_scale[4]);
         assert!(found.rescale(&[&walk, &walk], false));
         let Spec { state_centre, state_half_range, change_scale, .. } = &found.spec;
         assert_eq!(
@@ -458,6 +462,7 @@ pub mod tests {
         );
         assert_eq!((state_half_range[4], change_scale[4]), (first.spec.state_half_range[4], 40.0));
         assert_eq!(change_scale[1], first.spec.change_scale[1]);
+        assert_eq!(beside.spec.state_half_range, *state_half_range);
     }
 
     #[test]

@@ -16,9 +16,6 @@ use crate::train::rollout::Rollout;
 const DATA: &str = "data";
 const REPLAY: &str = "replay";
 
-/// Least steps of agents after which their scales are looked at.
-const LEAST_STEPS_TO_RESCALE: u64 = 1_000;
-
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Data {
     source: DataSource,
@@ -79,7 +76,7 @@ impl Trainer {
     /// have made twice as many steps: what has to be touched first moves in no first look. Networks
     /// are converted; what they say stays the same.
     pub(super) fn rescale(&mut self, steps_before: u64) -> Result<()> {
-        let first = self.run.settings.train.learning_starts.max(LEAST_STEPS_TO_RESCALE);
+        let first = self.run.settings.train.learning_starts.max(1);
         let doublings = |steps: u64| (steps / first).checked_ilog2();
         let s = self.spec().state_dim();
         if doublings(self.counters.env_steps) == doublings(steps_before)
