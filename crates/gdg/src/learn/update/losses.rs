@@ -6,13 +6,17 @@ use crate::learn::networks::mlp::GradientRequest;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::Nets;
 use crate::learn::networks::returns::Returns;
-use crate::learn::networks::shapes::{Shapes, sigmoid, softplus};
+use crate::learn::networks::shapes::{Shapes, Workspaces, sigmoid, softplus};
 use crate::learn::settings::LossScale;
 use crate::learn::update::parts::{BatchPart, Buffers, Gradient, Rows, mispredicted};
 
 /// Errors of the dynamics model count linearly beyond this many typical changes: what is typical may
 /// have been seen before an agent had got hold of anything.
 pub const LARGEST_ERROR: f32 = 10.0;
+
+/// Largest mean error of the model, in steps of D, with which targets look ahead: what one step gains
+/// is at most 1.
+const TRUSTED_STEPS: f32 = 0.25;
 
 impl Shapes {
     /// Computes the gradients of critics and model (Algorithm 1) on part number `i` of the batch, with
@@ -45,7 +49,7 @@ impl Shapes {
 
     /// Computes targets of D: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
     /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]) unless the model
-    /// mispredicts the row's own step. Both are kept within the bounds that hindsight or the bridge
+    /// is not to be trusted or mispredicts the row's own step. Both are kept within the bounds that hindsight or the bridge
     /// graph give, and raised to them little by little while distances are relearned. D' and mu' use
     /// the running averages.
     fn distance_targets(
@@ -64,11 +68,12 @@ impl Shapes {
             vec![false; rows.steps.len()]
         };
         let critics = &averaged.critics;
+        let looks_ahead = rows.greedy_targets && self.trusts_model(rows, critics, networks);
         targets.resize(rows.steps.len(), 0.0);
         let ahead = rows.bootstrap_states;
         self.distances_between(critics, ahead, rows.goals, targets, &mut networks.critic);
         targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
-        if let (true, Some(model)) = (rows.greedy_targets, current.model) {
+        if let (true, Some(model)) = (looks_ahead, current.model) {
             let mut next = std::mem::take(&mut networks.model.y);
             let pairs = Pairs { plain, states: rows.states, goals: rows.goals };
             self.step_with_actor(averaged.actor, model, pairs, &mut next, networks);
@@ -208,6 +213,28 @@ impl Shapes {
                 spec.achieved.iter().for_each(|i| after[*i] = state[*i]);
             }
         }
+    }
+
+    /// Returns whether D' after the steps that the model predicts is what it is after the real ones,
+    /// within [`TRUSTED_STEPS`] on average, after [`Self::model_gradient`]. Where many numbers depend on
+    /// each other, an actor finds actions of which a model errs on the good side, and D becomes as
+    /// short as if what has to be moved moved by itself. Where the goal is the whole state, each row
+    /// is checked instead.
+    fn trusts_model(&self, rows: &Rows, critics: &[Weights], networks: &mut Workspaces) -> bool {
+        let spec = &self.encoder.spec;
+        if spec.state_dim() == spec.goal_dim() {
+            return true;
+        }
+        let errors = networks.model.y.iter().zip(spec.change_scale.iter().cycle());
+        let errors = errors.map(|(d, scale)| scale * d / (2.0 * rows.share));
+        let predicted: Vec<f32> =
+            rows.next.iter().zip(errors).map(|(next, error)| next + error).collect();
+        let [mut real, mut expected] = [(); 2].map(|()| vec![0.0; rows.steps.len()]);
+        let ws = &mut networks.critic;
+        self.distances_between(critics, rows.next, rows.goals, &mut real, ws);
+        self.distances_between(critics, &predicted, rows.goals, &mut expected, ws);
+        let off = real.iter().zip(&expected).map(|(real, expected)| (real - expected).abs());
+        off.sum::<f32>() <= TRUSTED_STEPS * real.len() as f32
     }
 
     /// Returns the squared bounded errors of the predictions in each row, after
