@@ -374,10 +374,8 @@ fn networks_say_the_same_in_other_scales() {
         for averaged in [false, true] {
             let apart = |converted| {
                 let mut store = Store::default();
-                match converted {
-                    true => learner.save_in_scales_of(&now, &mut store).expect("saved"),
-                    false => learner.save(&mut store).expect("saved"),
-                }
+                let scales = if converted { &now } else { &before };
+                learner.save_in_scales_of(scales, &mut store).expect("saved");
                 let mut other =
                     NetworkLearner::new(*variant, &now, &settings(16, 24, 2), 1, &mut rng.clone())
                         .expect("networks");
@@ -388,4 +386,41 @@ fn networks_say_the_same_in_other_scales() {
             assert!(apart(true) < 1e-3 && apart(false) > 1e-2, "{variant:?}: {}", apart(true));
         }
     }
+}
+
+#[test]
+fn nothing_looks_ahead_while_the_model_is_off_in_steps_of_distance() {
+    let spec = spec(5, 2, false);
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    // Chance decides where steps lead, or nothing moves.
+    let mut error = |by_chance: bool| {
+        let moves = |rows| {
+            let mut moves = batch(&spec, rows, &mut rng);
+            if !by_chance {
+                moves.next.clone_from(&moves.from);
+            }
+            moves
+        };
+        let learner = updated(GDG, &spec, &settings(32, 24, 2), moves, 300);
+        learner.training().losses().model_steps
+    };
+    let [chance, sure] = [error(true), error(false)];
+    assert!(chance > 0.4 && sure < 0.1, "{chance} {sure}");
+    let mut learner =
+        updated(GDG, &spec, &settings(32, 24, 2), |rows| batch(&spec, rows, &mut rng), 50);
+    let pairs = batch(&spec, 40, &mut rng);
+    let changes = |learner: &NetworkLearner| {
+        let policy = learner.policy(true).expect("a policy");
+        let mut actions = pairs.actions.clone();
+        policy.improve_actions(&pairs.states, &pairs.goals, &mut actions, &mut Scratch::default());
+        let exported = learner.export_critics(true).expect("an export").expect("critics");
+        assert_eq!(exported.outputs.tried_actions.is_empty(), actions == pairs.actions);
+        actions != pairs.actions
+    };
+    assert!(changes(&learner));
+    let mut store = Store::default();
+    learner.save(&mut store).expect("saved");
+    store.put_numbers("learner_model_error_steps", vec![chance]);
+    learner.load(&store).expect("loaded");
+    assert!(!changes(&learner));
 }

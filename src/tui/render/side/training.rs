@@ -94,7 +94,7 @@ fn losses(screen: &Screen) -> Vec<Line<'static>> {
         let starts = screen.run().settings.train.learning_starts;
         return vec![fact("learning", format!("from step {}", short(starts as f64)))];
     }
-    let Losses { critic, model, actor } = snapshot.losses;
+    let Losses { critic, model, actor, .. } = snapshot.losses;
     let lines = [
         Losses::known(critic).map(|loss| fact("D loss", format!("{loss:.4}"))),
         Losses::known(model).map(|loss| fact("f loss", format!("{loss:.4}"))),

@@ -14,10 +14,6 @@ use crate::learn::update::parts::{BatchPart, Buffers, Gradient, Rows, mispredict
 /// have been seen before an agent had got hold of anything.
 pub const LARGEST_ERROR: f32 = 10.0;
 
-/// Largest mean error of the model, in steps of D, with which targets look ahead: what one step gains
-/// is at most 1.
-const TRUSTED_STEPS: f32 = 0.25;
-
 impl Shapes {
     /// Computes the gradients of critics and model (Algorithm 1) on part number `i` of the batch, with
     /// the running averages of networks for targets.
@@ -37,7 +33,11 @@ impl Shapes {
         }
         match &self.returns {
             Some(returns) => self.value_targets(returns, &rows, averaged, buffers),
-            None if self.critics > 0 => self.distance_targets(&rows, current, averaged, buffers),
+            None if self.critics > 0 => {
+                let networks = &mut buffers.networks;
+                losses.model_steps = self.model_error_steps(&rows, &averaged.critics, networks);
+                self.distance_targets(&rows, current, averaged, buffers);
+            }
             None => {}
         }
         losses.critic = 0.0;
@@ -49,7 +49,7 @@ impl Shapes {
 
     /// Computes targets of D: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
     /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]) unless the model
-    /// is not to be trusted or mispredicts the row's own step. Both are kept within the bounds that hindsight or the bridge
+    /// mispredicts the row's own step. Both are kept within the bounds that hindsight or the bridge
     /// graph give, and raised to them little by little while distances are relearned. D' and mu' use
     /// the running averages.
     fn distance_targets(
@@ -68,12 +68,11 @@ impl Shapes {
             vec![false; rows.steps.len()]
         };
         let critics = &averaged.critics;
-        let looks_ahead = rows.greedy_targets && self.trusts_model(rows, critics, networks);
         targets.resize(rows.steps.len(), 0.0);
         let ahead = rows.bootstrap_states;
         self.distances_between(critics, ahead, rows.goals, targets, &mut networks.critic);
         targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
-        if let (true, Some(model)) = (looks_ahead, current.model) {
+        if let (true, Some(model)) = (rows.greedy_targets, current.model) {
             let mut next = std::mem::take(&mut networks.model.y);
             let pairs = Pairs { plain, states: rows.states, goals: rows.goals };
             self.step_with_actor(averaged.actor, model, pairs, &mut next, networks);
@@ -215,15 +214,17 @@ impl Shapes {
         }
     }
 
-    /// Returns whether D' after the steps that the model predicts is what it is after the real ones,
-    /// within [`TRUSTED_STEPS`] on average, after [`Self::model_gradient`]. Where many numbers depend on
-    /// each other, an actor finds actions of which a model errs on the good side, and D becomes as
-    /// short as if what has to be moved moved by itself. Where the goal is the whole state, each row
-    /// is checked instead.
-    fn trusts_model(&self, rows: &Rows, critics: &[Weights], networks: &mut Workspaces) -> bool {
+    /// Returns the mean error of D' after the steps that the model predicts, in steps, after
+    /// [`Self::model_gradient`]; 0 where the goal is the whole state.
+    fn model_error_steps(
+        &self,
+        rows: &Rows,
+        critics: &[Weights],
+        networks: &mut Workspaces,
+    ) -> f32 {
         let spec = &self.encoder.spec;
         if spec.state_dim() == spec.goal_dim() {
-            return true;
+            return 0.0;
         }
         let errors = networks.model.y.iter().zip(spec.change_scale.iter().cycle());
         let errors = errors.map(|(d, scale)| scale * d / (2.0 * rows.share));
@@ -234,7 +235,7 @@ impl Shapes {
         self.distances_between(critics, rows.next, rows.goals, &mut real, ws);
         self.distances_between(critics, &predicted, rows.goals, &mut expected, ws);
         let off = real.iter().zip(&expected).map(|(real, expected)| (real - expected).abs());
-        off.sum::<f32>() <= TRUSTED_STEPS * real.len() as f32
+        off.sum::<f32>() * rows.share
     }
 
     /// Returns the squared bounded errors of the predictions in each row, after
