@@ -45,6 +45,44 @@ impl FigureFormat {
             Self::Pdf => Ok(sheet::pdf(sheet)),
         }
     }
+
+    /// Encodes the figure of a table, with the checksums of both near its end: of what is before them,
+    /// and of the table.
+    pub fn encode_with_table(self, sheet: &Sheet, table: &[u8]) -> Result<Vec<u8>, Report> {
+        let mut file = self.encode(sheet)?;
+        let (at, before) = match self {
+            Self::Svg => (file.len(), &b"<!-- "[..]),
+            // Its last chunk has twelve bytes.
+            Self::Png => (file.len() - 12, PNG_COMMENT),
+            Self::Pdf => {
+                (file.windows(9).rposition(|w| w == b"startxref").unwrap_or(0), &b"% "[..])
+            }
+        };
+        let end = file.split_off(at);
+        file.extend(before);
+        let [own, behind] = [&file, table].map(crc32fast::hash);
+        file.extend([MARK, format!("{own:08x} {behind:08x}").as_bytes()].concat());
+        match self {
+            Self::Svg => file.extend(b" -->\n"),
+            Self::Png => file.extend(crc32fast::hash(&file[at + 4..]).to_be_bytes()),
+            Self::Pdf => file.push(b'\n'),
+        }
+        Ok([file, end].concat())
+    }
+}
+
+/// What the checksums of a figure come after.
+const MARK: &[u8] = b"gdg-tui ";
+
+/// The beginning of a chunk with the checksums: its length without this and its own checksum.
+const PNG_COMMENT: &[u8] = b"\0\0\0\x21tEXtComment\0";
+
+/// Returns the checksum of the table behind a figure, if the figure is as this program has made it.
+pub fn table_behind(figure: &[u8]) -> Option<u32> {
+    let at = figure.windows(MARK.len()).rposition(|part| part == MARK)?;
+    let sums = figure[at + MARK.len()..].first_chunk::<17>()?;
+    let number = |digits| u32::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok();
+    (number(&sums[..8])? == crc32fast::hash(&figure[..at])).then(|| number(&sums[9..]))?
 }
 
 #[cfg(test)]

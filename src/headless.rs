@@ -5,7 +5,6 @@ mod progress;
 mod records;
 
 use std::io::ErrorKind;
-use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,7 +25,8 @@ use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped, sanitized};
 use gdg::train::{
-    self, Due, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Trainer, TrainingLoop,
+    self, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Trainer, TrainingEvent,
+    TrainingLoop,
 };
 use metrics::MetricsTable;
 use progress::Progress;
@@ -68,13 +68,13 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
             return Ok(EXIT_BAD_INPUT);
         }
     };
-    let updates_before = setup.trainer.counters().updates;
+    let begun_at = setup.trainer.counters().updates;
     let progress = Progress::new(&setup.limits, setup.trainer.seconds());
-    let mut run = HeadlessRun { setup, options, progress, saver, table, termination };
+    let mut run = HeadlessRun { setup, options, progress, saver, table, termination, begun_at };
     let ended = run.run();
     // Saves what was learned, even after an error.
     let saved = run.save_at_end();
-    run.report_unsaved(updates_before, ended.as_ref().ok().map(|(reason, _)| *reason));
+    run.report_unsaved(ended.as_ref().ok().map(|(reason, _)| *reason));
     let (reason, evaluation) = ended.map_err(|error| run.explained(error))?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
@@ -134,6 +134,8 @@ struct HeadlessRun<'a> {
     saver: Option<CheckpointSaver>,
     table: Option<MetricsTable>,
     termination: TerminationSignal,
+    /// The updates that it had before.
+    begun_at: u64,
 }
 
 impl HeadlessRun<'_> {
@@ -183,43 +185,37 @@ impl HeadlessRun<'_> {
         let mut session = TrainingLoop::resume(schedule, &self.setup.trainer);
         self.report_reached_limit();
         loop {
-            while let Some(due) = session.next_due() {
-                let Setup { trainer, limits, edits, .. } = &mut self.setup;
-                match due {
-                    Due::Recovery(recovery) => report_recovery(recovery)?,
-                    Due::Progress => {
-                        print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
-                        self.table.iter_mut().for_each(|table| table.add(trainer, None));
-                    }
-                    Due::Edit(i) => {
-                        let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
-                        print(&Record::edit(trainer, change))?;
-                    }
-                    // An evaluation at the end follows anyway.
-                    Due::Evaluation if trainer.limit_reached(limits).is_some() => {}
-                    Due::Evaluation => match self.evaluate()? {
-                        Some(Ok(_)) => {}
-                        // The world has prevented it; training goes on.
-                        Some(Err(error)) => {
-                            log::warn!("{error}");
-                            let at = grouped(self.setup.trainer.counters().updates);
-                            let left_out =
-                                format!("the evaluation at update {at}, which failed twice");
-                            print_error(
-                                &Report::msg(error)
-                                    .wrap_err(format!("training continues without {left_out}")),
-                            );
-                        }
-                        None => return Ok(EndReason::Interrupted),
-                    },
-                    Due::Save => self.save_periodically(),
+            let Setup { trainer, limits, edits, .. } = &mut self.setup;
+            match session.next(trainer, limits).into_diagnostic()? {
+                TrainingEvent::Ticked(_) => self.progress.show(trainer),
+                TrainingEvent::Ended(reason) => return Ok(reason),
+                TrainingEvent::Recovery(recovery) => report_recovery(recovery)?,
+                TrainingEvent::Progress => {
+                    print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
+                    self.table.iter_mut().for_each(|table| table.add(trainer, None));
                 }
+                TrainingEvent::Edit(i) => {
+                    let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
+                    print(&Record::edit(trainer, change))?;
+                }
+                // An evaluation at the end follows anyway.
+                TrainingEvent::Evaluation if trainer.limit_reached(limits).is_some() => {}
+                TrainingEvent::Evaluation => match self.evaluate()? {
+                    Some(Ok(_)) => {}
+                    // The world has prevented it; training goes on.
+                    Some(Err(error)) => {
+                        log::warn!("{error}");
+                        let at = grouped(self.setup.trainer.counters().updates);
+                        let then = format!(
+                            "training continues without the evaluation at update {at}, which failed \
+                             twice"
+                        );
+                        print_error(&Report::msg(error).wrap_err(then));
+                    }
+                    None => return Ok(EndReason::Interrupted),
+                },
+                TrainingEvent::Save => self.save_periodically(),
             }
-            let Setup { trainer, limits, .. } = &mut self.setup;
-            if let ControlFlow::Break(reason) = session.tick(trainer, limits).into_diagnostic()? {
-                return Ok(reason);
-            }
-            self.progress.show(trainer);
         }
     }
 
@@ -273,9 +269,9 @@ impl HeadlessRun<'_> {
 
     /// Reports what is lost without `--save`, unless that seems intended: a new run that reached
     /// its limit.
-    fn report_unsaved(&self, updates_before: u64, reason: Option<EndReason>) {
+    fn report_unsaved(&self, reason: Option<EndReason>) {
         let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
-        let unsaved = self.setup.trainer.counters().updates.saturating_sub(updates_before);
+        let unsaved = self.setup.trainer.counters().updates.saturating_sub(self.begun_at);
         if self.saver.is_none() && unsaved > 0 && !(is_complete && self.setup.resumed.is_none()) {
             eprint_line(&format!(
                 "not saved: {}; give --save FILE to keep them",
@@ -303,7 +299,9 @@ impl HeadlessRun<'_> {
     /// signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
         let trainer = &mut self.setup.trainer;
-        let evaluated = evaluate(trainer, self.options.eval_tasks, None, &self.termination)?;
+        let is_new = trainer.counters().updates > self.begun_at;
+        let tasks = self.options.eval_tasks;
+        let evaluated = evaluate(trainer, tasks, None, is_new, &self.termination)?;
         let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };
         if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
@@ -315,21 +313,28 @@ impl HeadlessRun<'_> {
 }
 
 /// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or
-/// `max_steps`, and adds a finite result to its history. Runs on another thread so that signals are
-/// handled at once; returns `None` if one arrives, and the error if the world fails.
+/// `max_steps`, and adds a finite result to its history; one that is not new only if it is another
+/// than the latest. Runs on another thread so that signals are handled at once; returns `None` if one
+/// arrives, and the error if the world fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
     max_steps: Option<u32>,
+    is_new: bool,
     termination: &TerminationSignal,
 ) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
     let evaluation = trainer.evaluation().into_diagnostic()?.within(max_steps);
-    let work = move |job: &Job| evaluation.evaluate(per_group, job).transpose();
-    let evaluated = run_interruptibly("evaluation", termination, work)?.flatten();
+    let work = move |job: &Job| evaluation.evaluate(per_group, job);
+    let evaluated = run_interruptibly("evaluation", termination, work)?;
+    let evaluated = evaluated.filter(|done| !matches!(done, Err(EnvError::Stopped)));
     if let Some(Ok(evaluation)) =
         evaluated.as_ref().filter(|done| done.as_ref().is_ok_and(Evaluation::is_finite))
     {
-        trainer.record_evaluation(trainer.moment(), evaluation.clone());
+        let made = trainer.moment();
+        let latest = trainer.history().evaluations().last();
+        if is_new || latest.is_none_or(|(at, latest)| (*at, latest) != (made.updates, evaluation)) {
+            trainer.record_evaluation(made, evaluation.clone());
+        }
     }
     Ok(evaluated)
 }

@@ -6,22 +6,21 @@
 //!
 //! The parts, each of which uses only those before it:
 //!
-//! * `theme`, `style`, `pane_text`, `marker`, `overlay`, `panes`, `tool`, `export_kind`: colours, and
-//!   words of the other parts.
-//! * `viewport`, `projection`: what of a scene is shown, and where; `canvas`, `contours`: its pixels,
-//!   at any resolution; `characters` and `graphics` send them.
+//! * `theme`, `choices`, `pane_text`: colours, what there is to choose from, and words of other parts.
+//! * `viewport`: what of a scene is shown, and where; `canvas`: its pixels, at any resolution;
+//!   `characters` and `graphics` send them.
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration. The table
 //!   of actions alone names what comes later: the functions that carry them out.
 //! * `dialog`, `layout`, `log`: what a screen consists of besides the scene.
-//! * `screen`: all of that; `link`: the ways to trainer and viewer.
+//! * `screen`: all of that, and the ways to trainer and viewer.
 //! * `scene`: what is drawn in the place of the map, and how it reacts: a folder for each kind of
 //!   world, with its state.
-//! * `render`: the panes and everything else around it; `layer`: dialogs, drawn and handled;
-//!   `lists`: what there is to pick from; `drawings`: writes what is shown to files.
+//! * `render`: the panes, dialogs and everything else around it; `lists`: what there is to pick from;
+//!   `drawings`: writes what is shown to files.
 //! * `interface`, `input`, `terminal`: what fills the screen, what comes from the terminal, and the
 //!   terminal itself with the loop that forwards events and draws frames.
 //! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
-//! * `app`: the application, which gives events to the topmost layer.
+//! * `app`: the application, which gives events to the topmost dialog, or else to what is below.
 //! * `runs`: the list of saved runs; `benchmark`: the interface, as `cargo bench` measures it.
 
 mod action;
@@ -29,37 +28,28 @@ mod app;
 mod benchmark;
 mod canvas;
 mod characters;
+mod choices;
 mod compare;
 mod config;
-mod contours;
 mod dialog;
 mod drawings;
-mod export_kind;
 mod graphics;
 mod input;
 mod interface;
 mod keymap;
-mod layer;
 mod layout;
-mod link;
 mod lists;
 mod log;
-mod marker;
-mod overlay;
 mod pane_text;
-mod panes;
-mod projection;
 mod render;
 mod runs;
 mod scene;
 mod screen;
 mod session;
-mod style;
 mod terminal;
 #[cfg(test)]
 mod tests;
 mod theme;
-mod tool;
 mod viewport;
 
 use std::path::{Path, PathBuf};
@@ -71,6 +61,7 @@ use crate::host::setup::{self, Setup};
 use crate::host::signals::TerminationSignal;
 use app::App;
 pub use benchmark::MeasuredInterface;
+pub use choices::Marker;
 use compare::Comparison;
 pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_comparison};
 pub use config::{
@@ -82,7 +73,6 @@ use gdg::map::Reading;
 use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
-pub use marker::Marker;
 pub use runs::{Opened, Opener, RunsScreen};
 use session::Session;
 use terminal::TerminalStage;

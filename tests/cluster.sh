@@ -92,7 +92,7 @@ CONF
         return
     fi
     list slurm
-    # As in docs/figures.md.
+    # As in docs/experiments.md.
     (cd "$work" && sbatch --wait --output=/dev/null --array="1-$(wc -l <slurm.jobs)" \
         --wrap "$(one slurm '$SLURM_ARRAY_TASK_ID')" >/dev/null)
     compare slurm
@@ -107,7 +107,7 @@ hyperqueue() {
         for _ in $(seq 50); do hq server info >/dev/null 2>&1 && break; sleep 0.2; done
         hq worker start >"$work/hq-worker.out" 2>&1 &
         started+=($!)
-        # As in docs/figures.md.
+        # As in docs/experiments.md.
         (cd "$work" && hq submit --wait --stdout=none --stderr=none --array "1-$(wc -l <hyperqueue.jobs)" -- \
             sh -c "$(one hyperqueue '$HQ_TASK_ID')" >/dev/null)
         compare hyperqueue

@@ -17,7 +17,7 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     session.wait_until_gone("maps are saved");
     session.press(" ");
     session.wait_for("paused");
-    session.press("g");
+    session.press("?axis\r");
     session.wait_for("success over seconds of training");
     for (cols, rows) in [(1, 1), (200, 60), (40, 10)] {
         session.master.resize(size(cols, rows)).unwrap();

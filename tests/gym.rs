@@ -200,6 +200,34 @@ fn an_interpreter_that_hangs_is_given_up_after_the_time_limit() {
 }
 
 #[test]
+fn the_time_limit_does_not_count_while_the_program_is_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let reply = r#"{"unsupported":true,"error":"this is in time"}"#;
+    let reply = format!(r"\001\000\000\000\{:03o}\000\000\000{reply}", reply.len());
+    // It answers while the program is stopped, after more than the limit.
+    let script = format!(
+        "touch asked; until [ -e stopped ]; do sleep .05; done; sleep 3
+         printf '{reply}' >&0; touch answered; sleep 9"
+    );
+    let mut program = program(folder.path());
+    program.args(["--no-ui", "gym:Maze-v0", "--env-timeout", "2", "--python"]);
+    program.arg(fake_python(folder.path(), &script)).stderr(Stdio::piped());
+    let (program, began) = (program.spawn().unwrap(), Instant::now());
+    let wait_for = |file: &str| {
+        while !folder.path().join(file).exists() {
+            assert!(began.elapsed() < Duration::from_mins(1), "not {file}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    wait_for("asked");
+    kill(program.id(), "STOP");
+    std::fs::write(folder.path().join("stopped"), "").unwrap();
+    wait_for("answered");
+    kill(program.id(), "CONT");
+    assert_says(&stderr(&program.wait_with_output().unwrap()), "this is in time");
+}
+
+#[test]
 fn a_checkpoint_of_another_machines_environment_stays_sound() {
     let folder = tempfile::tempdir().unwrap();
     let output = program(folder.path())
@@ -533,6 +561,20 @@ fn an_episode_is_repeated_exactly_or_begins_anew_which_is_said_once() {
         let said = agents.take_warnings();
         assert!(said.len() == 1 && said[0].contains("have come out of 3 steps"), "{said:?}");
     }
+    // One that raises meanwhile, in the process of another that has been put back.
+    let mut agents = two_agents(folder.path(), "Once");
+    (0..2).for_each(|i| agents.restart(i, &mut ChaCha8Rng::seed_from_u64(7 + i as u64)).unwrap());
+    walk(&mut *agents, 32);
+    let (state, states) = (agents.full_state(1), agents.states().to_vec());
+    assert!(!agents.set_full_state(1, &state).unwrap());
+    let half = states.len() / 2;
+    assert_eq!(agents.states()[..half], states[..half]);
+    let said = agents.take_warnings();
+    let why = "begin new episodes: while 32 steps were repeated, the environment raised an exception in \
+               step: ValueError: not again";
+    assert!(said.len() == 1 && said[0].contains(why), "{said:?}");
+    agents.restart(1, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
+    walk(&mut *agents, 3);
 }
 
 #[test]

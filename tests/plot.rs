@@ -80,16 +80,24 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     assert!(!svg.contains("1000.0") && !svg.contains("NaN"), "{svg}");
     let (pdf, png) = (file("fig.pdf"), file("fig.png"));
     assert!(pdf.starts_with(b"%PDF-") && pdf.ends_with(b"%%EOF"));
-    let info = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap().info().clone();
-    assert_eq!(info.width, 993, "84 mm at 300 pixels an inch");
+    let mut png = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    assert_eq!(png.info().width, 993, "84 mm at 300 pixels an inch");
+    png.finish().unwrap();
+    assert!(png.info().uncompressed_latin1_text.iter().any(|text| text.keyword == "Comment"));
 
-    // Its own figures and tables are replaced, others are not.
-    let own = file("fig.csv");
-    std::fs::write(folder.path().join("fig.csv"), "mine").unwrap();
-    let refused = plot(folder.path(), &[&["."], &out[..]].concat());
-    assert_eq!(refused.status, Some(2));
-    has_parts(&refused.err, &["already exists", "--overwrite"]);
-    std::fs::write(folder.path().join("fig.csv"), own).unwrap();
+    // Its own figures and tables are replaced, unless somebody has edited them.
+    for name in ["fig.csv", "fig.svg", "fig.png", "fig.pdf"] {
+        let own = file(name);
+        let mut edited = own.clone();
+        edited[own.len() / 2] ^= 1;
+        std::fs::write(folder.path().join(name), edited).unwrap();
+        let refused = plot(folder.path(), &[&["."], &out[..]].concat());
+        assert_eq!(refused.status, Some(2), "{name}");
+        has_parts(&refused.err, &[&format!("{name}: the file already exists"), "--overwrite"]);
+        std::fs::write(folder.path().join(name), own).unwrap();
+    }
+    // The table is one of its own as long as a figure beside it says so.
+    std::fs::remove_file(folder.path().join("fig.pdf")).unwrap();
     let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "greedy"];
     let greedy = plot(folder.path(), &[&greedy, &out[..]].concat());
     assert_eq!(greedy.status, Some(0), "{}", greedy.err);

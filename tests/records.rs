@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::ran::{SMALL, program_in, ran};
+use crate::ran::{SMALL, isolated, program_in, ran};
 use serde_json::Value;
 
 const SCHEMA: &str = include_str!("../docs/records.schema.json");
@@ -159,4 +159,34 @@ fn the_lines_for_jq_work() {
     assert!(first.trim().parse::<u64>().is_ok_and(|updates| updates <= 1500), "{first}");
     assert!(by_distance.lines().all(|line| line.split(',').count() == 2), "{by_distance}");
     assert!(ends.starts_with("run.jsonl: max-updates after 1500 updates, "), "{ends}");
+}
+
+#[test]
+#[ignore = "needs Python with numpy (GDG_PYTHON), and those of tensorboard, mlflow, trackio and wandb that are to be tried"]
+fn records_are_logged_where_people_look() {
+    let folder = tempfile::tempdir().unwrap();
+    let keep = ["--save", "a.safetensors", "--eval-every-updates", "100"];
+    for (name, of) in [
+        ("a", ["fourrooms", "--max-updates", "200"]),
+        ("b", ["--resume=a.safetensors", "--max-updates", "400"]),
+    ] {
+        let mut command = program_in(folder.path());
+        command.arg("--no-ui").args(of).args(keep).args(["--eval-tasks", "2"]);
+        command.args(if name == "a" { &SMALL[..] } else { &[] });
+        let done = ran(command);
+        assert_eq!(done.status, Some(0), "{}", done.err);
+        std::fs::write(folder.path().join(name).with_extension("jsonl"), done.out).unwrap();
+    }
+    let mut command = program_in(folder.path());
+    command.args(["suite", "fourrooms", "--budget", "200", "--eval-tasks", "2", "--out", "."]);
+    command.args(SMALL);
+    assert_eq!(ran(command).status, Some(0));
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let python = std::env::var_os("GDG_PYTHON").unwrap_or_else(|| "python3".into());
+    let mut command = isolated(Command::new(python), folder.path());
+    command.arg("-B").arg(root.join("tests/logged.py")).arg(".");
+    command.env("PYTHONPATH", root.join("python"));
+    let done = ran(command);
+    assert_eq!(done.status, Some(0), "{}", done.err);
+    println!("{}", done.out);
 }

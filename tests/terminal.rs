@@ -98,8 +98,6 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.wait_for("training");
     session.press(" ");
     session.wait_for("paused");
-    session.press(".");
-    session.wait_for("paused");
     // Draw a wall at the cursor, which starts at the goal, and undo it.
     session.press("e");
     session.wait_for("EDIT");
@@ -300,7 +298,7 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     session.press("\x1b[201~");
     session.wait_for("> ");
     session.press("\x1b");
-    session.wait_until_gone("find an action");
+    session.wait_until_gone("Esc: close");
     session.press("\x03");
     session.wait_for_end_or("quit without saving");
     session.press("\x03");

@@ -1,7 +1,6 @@
 //! The jobs of an experiment: listed, run in parallel, resumed, saved, and reported.
 
 use std::collections::BTreeSet;
-use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,7 +28,9 @@ use gdg::files::check_writable;
 use gdg::job::Stopwatch;
 use gdg::printing::{eprint_line, print_text};
 use gdg::text::{aligned, counted, sanitized, sanitized_lines};
-use gdg::train::{self, Due, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingLoop};
+use gdg::train::{
+    self, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingEvent, TrainingLoop,
+};
 
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
@@ -414,21 +415,20 @@ impl Runner<'_> {
             Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
         let mut session = TrainingLoop::resume(schedule, trainer);
         loop {
-            while let Some(due) = session.next_due() {
-                match due {
-                    Due::Evaluation if !self.evaluate(i, trainer)? => return Ok(false),
-                    Due::Save => {
-                        if let Err(error) = saver.save(trainer) {
-                            let then = "training continues; saving will be tried again";
-                            print_error(&error.wrap_err(then));
-                        }
+            match session.next(trainer, &limits).into_diagnostic()? {
+                TrainingEvent::Evaluation if !self.evaluate(i, trainer)? => return Ok(false),
+                TrainingEvent::Save => {
+                    if let Err(error) = saver.save(trainer) {
+                        let then = "training continues; saving will be tried again";
+                        print_error(&error.wrap_err(then));
                     }
-                    Due::Recovery(recovery) => self.say(i, &recovery.to_string()),
-                    Due::Evaluation | Due::Progress | Due::Edit(_) => {}
                 }
-            }
-            if let ControlFlow::Break(reason) = session.tick(trainer, &limits).into_diagnostic()? {
-                return Ok(reason != EndReason::Interrupted);
+                TrainingEvent::Recovery(recovery) => self.say(i, &recovery.to_string()),
+                TrainingEvent::Evaluation
+                | TrainingEvent::Progress
+                | TrainingEvent::Edit(_)
+                | TrainingEvent::Ticked(_) => {}
+                TrainingEvent::Ended(reason) => return Ok(reason != EndReason::Interrupted),
             }
         }
     }
@@ -438,8 +438,8 @@ impl Runner<'_> {
         let plan = &self.open[i].plan;
         let (amount, unit) = (plan.length.amount(), plan.length.unit());
         let done = plan.length.done(&trainer.counters());
-        let evaluated =
-            evaluate(trainer, plan.tasks_after(done), plan.max_steps, &self.termination)?;
+        let tasks = plan.tasks_after(done);
+        let evaluated = evaluate(trainer, tasks, plan.max_steps, true, &self.termination)?;
         let Some(evaluation) = evaluated.transpose().into_diagnostic()? else {
             return Ok(false);
         };

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
-use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet};
+use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet, table_behind};
 use crate::host::outputs::refuse_existing;
 use crate::host::waiting::Waiting;
 use gdg::files::{named, read, write_atomically};
@@ -22,10 +22,8 @@ pub use lines::{Grouping, Points, SeedCurves, table};
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
 
-const TABLE: &str = "chart,curve,seed,";
-
-/// Largest table that is recognised as one of this program.
-const MOST_OF_A_TABLE: u64 = 64 << 20;
+/// Largest figure or table that is recognised as one of this program.
+const MOST_BYTES: u64 = 64 << 20;
 
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
@@ -71,7 +69,7 @@ pub struct PlotOptions {
     #[arg(long, value_name = "FILE")]
     pub out: Vec<PathBuf>,
 
-    /// Replace files that exist, even if they are not figures of gdg-tui
+    /// Replace files that exist, even if gdg-tui has not made them, or somebody has edited them
     #[arg(long)]
     pub overwrite: bool,
 
@@ -266,17 +264,20 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     };
     let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
     let table = out[0].with_extension("csv");
-    // A figure beside such a table is one of this program.
-    let is_own = read(&table, MOST_OF_A_TABLE).is_ok_and(|own| own.starts_with(TABLE.as_bytes()));
-    for path in out.iter().chain([&table]) {
-        refuse_existing(path, options.overwrite || is_own)?;
+    let behind = |figure: &Path| table_behind(&read(figure, MOST_BYTES).ok()?);
+    for path in &out {
+        refuse_existing(path, options.overwrite || behind(path).is_some())?;
     }
+    let found = read(&table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
+    let beside = FigureFormat::ALL.map(|format| behind(&table.with_extension(format.extension())));
+    refuse_existing(&table, options.overwrite || found.is_some() && beside.contains(&found))?;
     let reading = Waiting::on("reading the runs");
     let (runs, mut notes) = saved_runs::runs(&options.runs, &reading)?;
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
-    let figures = formats.into_iter().map(|format| format.encode(&drawn.sheet));
+    let figures =
+        formats.into_iter().map(|format| format.encode_with_table(&drawn.sheet, &drawn.table));
     let figures = figures.collect::<Result<Vec<_>, _>>()?;
     drop(drawing);
     notes.extend(drawn.notes);

@@ -251,7 +251,7 @@ impl Suite<'_> {
         let options = plot::PlotOptions { by, width: PAGE, ..plot::PlotOptions::default() };
         let DrawnPlot { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
-        folder.write(CURVES, &FigureFormat::Svg.encode(&sheet)?)?;
+        folder.write(CURVES, &FigureFormat::Svg.encode_with_table(&sheet, &table)?)?;
         folder.write("success.csv", &table)?;
         Ok(Some(caption))
     }

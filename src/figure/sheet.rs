@@ -325,6 +325,7 @@ pub fn svg(sheet: &Sheet) -> Result<String, Report> {
                         .set("y", at[1])
                         .set("width", size[0])
                         .set("height", size[1])
+                        .set("image-rendering", "pixelated")
                         .set("href", format!("data:image/png;base64,{data}")),
                 )
             }

@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
-use super::updates_per_second;
+use super::{PROGRESS_EVERY_UPDATES, updates_per_second};
 use crate::host::outputs::{create, refuse_existing};
 use crate::host::setup::Setup;
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;
+use gdg::text::grouped;
 use gdg::train::{Evaluation, Trainer};
 
 /// Columns of every line.
@@ -65,9 +66,10 @@ fn head() -> String {
 pub struct MetricsTable {
     path: PathBuf,
     file: File,
-    /// Rows that could not be written yet, as on a full disk, and where they belong.
-    waiting: String,
-    end: u64,
+    /// All of it.
+    text: String,
+    /// How much of that the file has, in bytes: the rest could not be written yet, as on a full disk.
+    written: usize,
 }
 
 impl MetricsTable {
@@ -82,21 +84,22 @@ impl MetricsTable {
             return Err(in_use());
         }
         let is_there = setup.resumed.is_some() && path.exists();
-        let mut file = match is_there.then(|| go_on(path, setup)) {
-            None => create(path, overwrite)?,
-            Some(Err(_)) if overwrite => create(path, true)?,
-            Some(file) => file?,
+        let (file, text) = match is_there.then(|| go_on(path, setup)) {
+            Some(Err(_)) if overwrite => (create(path, true)?, String::new()),
+            Some(found) => found?,
+            None => (create(path, overwrite)?, String::new()),
         };
         // Held until the table is closed; where there are no locks, others can write it.
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(in_use());
         }
-        if file.metadata().is_ok_and(|found| found.len() == 0) {
-            let written = writeln!(file, "{}", head()).into_diagnostic();
+        let mut table = Self { path: path.to_owned(), file, written: text.len(), text };
+        if table.text.is_empty() {
+            table.text = head() + "\n";
+            let written = table.put().into_diagnostic();
             written.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
         }
-        let end = file.stream_position().into_diagnostic()?;
-        Ok(Self { path: path.to_owned(), file, waiting: String::new(), end })
+        Ok(table)
     }
 
     /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file cannot be
@@ -106,39 +109,68 @@ impl MetricsTable {
     }
 
     fn write(&mut self, row: &str) {
-        let is_first = self.waiting.is_empty();
-        self.waiting += row;
-        // A failure may have left a part of a line.
-        let at_end = self.file.seek(SeekFrom::Start(self.end));
-        if let Err(error) = at_end.and_then(|_| self.file.write_all(self.waiting.as_bytes())) {
-            let _ = self.file.set_len(self.end);
-            if is_first {
-                let path = self.path.display();
-                let then = "rows are missing until the next that can be";
-                eprint_line(&format!("{path}: cannot be written, {then}: {error}"));
-            }
-            return;
+        let is_first = self.written == self.text.len();
+        self.text += row;
+        if let Err(error) = self.put()
+            && is_first
+        {
+            let path = self.path.display();
+            let then = "rows are missing until the next that can be";
+            eprint_line(&format!("{path}: cannot be written, {then}: {error}"));
         }
-        self.end += self.waiting.len() as u64;
-        self.waiting.clear();
+    }
+
+    /// Writes what the file lacks; all of it to another one, if somebody has deleted, moved or changed
+    /// the file, as by an editor.
+    fn put(&mut self) -> std::io::Result<()> {
+        let (before, all) = (self.written, self.text.len());
+        if self.is_at_path(before) {
+            self.file.seek(SeekFrom::Start(before as u64))?;
+            if let Err(error) = self.file.write_all(&self.text.as_bytes()[before..]) {
+                // A part of a line may be there.
+                let _ = self.file.set_len(before as u64);
+                return Err(error);
+            }
+        }
+        if !self.is_at_path(all) {
+            let path = files::write_to_unused(&self.path, self.text.as_bytes())?;
+            self.file = files::open_or_create(&path)?;
+            let _ = self.file.try_lock();
+            let (was, now) = (self.path.display(), path.display());
+            eprint_line(&format!("{was}: was deleted, moved or changed: all rows are in {now}"));
+            self.path = path;
+        }
+        self.written = all;
+        Ok(())
+    }
+
+    /// Whether a file of this length is where the table should be.
+    fn is_at_path(&self, bytes: usize) -> bool {
+        self.path.metadata().is_ok_and(|found| found.len() == bytes as u64)
     }
 }
 
 /// Opens the table of a resumed run for more rows, and cuts off those that the run will write
-/// again.
-fn go_on(path: &Path, setup: &Setup) -> Result<File, Report> {
+/// again; returns the others.
+fn go_on(path: &Path, setup: &Setup) -> Result<(File, String), Report> {
     refuse_existing(path, true)?;
     let unreadable = |error: std::io::Error| {
         miette!("{}: the table cannot be continued: {error}", path.display())
     };
     let table = files::read(path, MAX_BYTES).map_err(unreadable)?;
-    let kept = length_to_keep(&table, setup).map_err(|why| {
+    let (kept, last) = rows_to_keep(&table, setup).map_err(|why| {
         let help = "give --csv another name, or --overwrite to replace the file";
         miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
     })?;
-    let mut file = files::open_or_create(path).map_err(unreadable)?;
-    file.set_len(kept as u64).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
-    Ok(file)
+    let file = files::open_or_create(path).map_err(unreadable)?;
+    file.set_len(kept as u64).map_err(unreadable)?;
+    let now = setup.trainer.counters().updates;
+    if last / PROGRESS_EVERY_UPDATES < now / PROGRESS_EVERY_UPDATES {
+        let [last, now] = [last, now].map(grouped);
+        let path = path.display();
+        eprint_line(&format!("{path}: has no rows of updates {last} to {now}, without --csv"));
+    }
+    Ok((file, String::from_utf8_lossy(&table[..kept]).into_owned()))
 }
 
 /// Returns a line of the table; what is missing is empty.
@@ -167,20 +199,21 @@ fn losses<const N: usize>(losses: [f32; N]) -> [String; N] {
 }
 
 /// Returns the length in bytes of the rows in `table` that the run in `setup` had written when it
-/// was saved. Later rows, and a last one that was cut off, are to be written again; if all are later,
-/// they may be another run's.
-fn length_to_keep(table: &[u8], Setup { trainer, limits, .. }: &Setup) -> Result<usize, String> {
+/// was saved, and the updates of the last one. Later rows, and a last one that was cut off, are to be
+/// written again; if all are later, they may be another run's.
+fn rows_to_keep(table: &[u8], setup: &Setup) -> Result<(usize, u64), String> {
+    let Setup { trainer, limits, .. } = setup;
     let (now, history) = (trainer.counters().updates, trainer.history());
     // An evaluation may have followed the save; one that ends the run is made again.
     let is_evaluated = history.evaluations().iter().any(|(updates, _)| *updates == now)
         && trainer.limit_reached(limits).is_none();
     let mut lines = table.split_inclusive(|byte| *byte == b'\n');
-    let Some(first) = lines.next() else { return Ok(0) };
+    let Some(first) = lines.next() else { return Ok((0, now)) };
     let head = head();
     if first.trim_ascii_end() != head.as_bytes() {
         return Err("it is not a table of metrics, or has other columns".to_owned());
     }
-    let mut kept = first.len();
+    let (mut kept, mut last) = (first.len(), 0);
     for (line, number) in lines.filter(|line| line.ends_with(b"\n")).zip(2..) {
         let text = String::from_utf8_lossy(line);
         let cells: Vec<&str> = text.trim_end().split(',').collect();
@@ -198,12 +231,13 @@ fn length_to_keep(table: &[u8], Setup { trainer, limits, .. }: &Setup) -> Result
         if updates > now && kept == first.len() {
             return Err("all of its rows are later".to_owned());
         }
+        last = updates.min(now);
         if updates > now || updates == now && cells[0] == "evaluation" && !is_evaluated {
             break;
         }
         kept += line.len();
     }
-    Ok(kept)
+    Ok((kept, last))
 }
 
 #[cfg(test)]
@@ -211,16 +245,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_that_could_not_be_written_come_with_the_next_one() {
-        let path = tempfile::NamedTempFile::new().expect("a file").into_temp_path();
-        std::fs::write(&path, "head\n1\n").expect("written");
-        let file = File::open(&path).expect("one that cannot be written");
-        let mut table =
-            MetricsTable { path: path.to_path_buf(), file, waiting: String::new(), end: 7 };
+    fn rows_that_could_not_be_written_come_with_the_next_one_and_go_with_the_table() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = |name: &str| folder.path().join(name);
+        let read = |name: &str| std::fs::read_to_string(path(name)).expect("a table");
+        std::fs::write(path("m.csv"), "1\n").expect("written");
+        let file = File::open(path("m.csv")).expect("one that cannot be written");
+        let text = "1\n".to_owned();
+        let mut table = MetricsTable { path: path("m.csv"), file, text, written: 2 };
         table.write("2\n");
-        table.file = File::options().write(true).open(&path).expect("a file");
+        table.file = File::options().write(true).open(path("m.csv")).expect("a file");
         table.write("3\n");
+        assert_eq!(read("m.csv"), "1\n2\n3\n");
+        std::fs::rename(path("m.csv"), path("moved.csv")).expect("moved");
         table.write("4\n");
-        assert_eq!(std::fs::read_to_string(&path).expect("a table"), "head\n1\n2\n3\n4\n");
+        // As by an editor: what it has saved is left alone.
+        for edited in ["m.csv", "m-2.csv"] {
+            assert_eq!(read(edited), table.text);
+            std::fs::write(path(edited), &table.text[..5]).expect("written");
+            table.write("5\n");
+            assert_eq!(read(edited), "1\n2\n3");
+        }
+        assert_eq!(read("m-2-2.csv"), "1\n2\n3\n4\n5\n5\n");
     }
 }

@@ -199,14 +199,14 @@ pub fn learn_from(
         (impossible, "impossible on this map", if is_of_another { doubt } else { "" }),
         (by_chance, "they lead far, and not always to the same place", ""),
     ];
-    let left_out: Vec<String> = reasons
-        .iter()
-        .filter(|(count, ..)| *count > 0)
-        .map(|(count, why, doubt)| {
-            format!("{count} of {all} transitions are left out: {why}{doubt}")
-        })
-        .collect();
-    Ok((!left_out.is_empty()).then(|| format!("warning: {file}: {}", left_out.join("; "))))
+    let endless = data.is_endless.then(|| {
+        format!("no row ends an episode: all {all} transitions are taken for one (terminals of 1 end one)")
+    });
+    let left_out = reasons.iter().filter(|(count, ..)| *count > 0).map(|(count, why, doubt)| {
+        format!("{count} of {all} transitions are left out: {why}{doubt}")
+    });
+    let said: Vec<String> = endless.into_iter().chain(left_out).collect();
+    Ok((!said.is_empty()).then(|| format!("warning: {file}: {}", said.join("; "))))
 }
 
 /// Returns the requested number of parallel jobs, else the number of cores.

@@ -1,12 +1,10 @@
-//! User actions. Keys, footer, help, command palette and what an action does all come from one table.
+//! User actions. Keys, footer, help and what an action does all come from one table.
 
 mod table;
 
 use super::compare::Comparison;
-use super::overlay::Overlay;
-use super::panes::Pane;
 use super::session::Session;
-use super::tool::Tool;
+use crate::tui::choices::{Overlay, Pane, Tool};
 pub use table::SECTIONS;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +43,7 @@ pub enum Action {
     Theme,
     Show(Pane),
     NextPane,
+    Messages,
     Maximise,
     Scroll(isize),
     ToggleEdit,
@@ -60,7 +59,6 @@ pub enum Action {
     Export,
     NextTourStep,
     EndTour,
-    Palette,
     Help,
     Close,
     Redraw,

@@ -16,7 +16,7 @@ use super::graphics::{Graphics, Redraw, TerminalPicture};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap;
 use super::layout::{Click, ScreenLayout};
-use super::session::{Session, time};
+use super::session::{Session, watching};
 use gdg::engine::Engine;
 
 /// What fills the screen below the dialogs.
@@ -127,11 +127,9 @@ impl App {
         }
         let is_editing = matches!(mode, Mode::Editing | Mode::EditingBoth);
         let place = if is_editing { "in the editor" } else { "here" };
-        let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
+        let help = keymap.key_of(Action::Help);
         let key = keymap::name_of(key);
-        self.say(&format!(
-            "{key} does nothing {place} \u{b7} {help} help \u{b7} {find} all commands"
-        ));
+        self.say(&format!("{key} does nothing {place}: {help} lists all keys"));
     }
 
     fn on_mouse(&mut self, mouse: MouseEvent) {
@@ -157,7 +155,7 @@ impl App {
         let moment = moment.filter(|_| is_held);
         match &mut self.base {
             Base::Run(session) => match moment.filter(|_| !session.scene.is_drawing()) {
-                Some(moment) => time::look_at_curves(session, moment),
+                Some(moment) => watching::look_at_curves(session, moment),
                 None => session.on_mouse(kind, at),
             },
             Base::Comparison(comparison) => comparison.on_mouse(kind, at),

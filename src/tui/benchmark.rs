@@ -120,7 +120,7 @@ impl MeasuredInterface {
     }
 
     fn command(&mut self, command: EngineCommand, then: &Phase) {
-        self.app.first_mut().command(command);
+        self.app.first_mut().screen.command(command);
         while self.snapshots.borrow_and_update().phase != *then {
             std::thread::sleep(Duration::from_millis(1));
         }

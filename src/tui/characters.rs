@@ -5,8 +5,8 @@ use ratatui::layout::Position;
 use ratatui::style::{Color, Modifier, Style};
 
 use super::canvas::{Canvas, Ground, SHADES, Sign};
-use super::marker::Marker;
 use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
+use crate::tui::choices::Marker;
 
 const MAX_PIXELS: usize = 4;
 

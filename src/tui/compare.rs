@@ -21,7 +21,7 @@ use ratatui::layout::Position;
 
 use super::action::{Action, Binding, Both, Mode, binding_of};
 use super::config::UiConfig;
-use super::dialog::{Choice, Dialog, Help};
+use super::dialog::Choice;
 use super::interface::ClosedRun;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
@@ -29,7 +29,7 @@ use super::lists;
 use super::log::{Log, Notice};
 use super::scene::MazeState;
 use super::scene::maze::place_walker;
-use super::session::{Session, time, view};
+use super::session::{Session, watching};
 use crate::experiment::plot::Axis;
 pub use contenders::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use gdg::engine::{Engine, EngineCommand};
@@ -85,7 +85,7 @@ fn start_side(
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
     // The race decides where both go next.
-    view::set_on_arrival(&mut session, OnArrival::Wait);
+    watching::set_on_arrival(&mut session, OnArrival::Wait);
     // A failed run needs no dialog: its title says what happened.
     session.saver.offers = false;
     Ok((session, side, engine))
@@ -132,12 +132,12 @@ impl Comparison {
     fn start_race(&mut self, start: Cell, goal: Cell) {
         for session in &mut self.sessions {
             // The goal comes last: a view with its number has both.
-            session.in_maze(|maze, screen, link| {
-                place_walker(Some(start), screen, link);
-                maze.set_goal(goal, screen, link);
+            session.in_maze(|maze, screen| {
+                place_walker(Some(start), screen);
+                maze.set_goal(goal, screen);
             });
         }
-        let requests = self.sessions.each_ref().map(|session| session.link.goal_request);
+        let requests = self.sessions.each_ref().map(|session| session.screen.goal_request);
         self.race.begin(start, goal, requests);
     }
 
@@ -254,7 +254,7 @@ impl Comparison {
                 binding_of(*action).into_iter().for_each(|binding| self.perform(binding));
             }
             Some(Choice::Field(field)) => {
-                self.sessions.iter_mut().for_each(|session| time::leave_past(session));
+                self.sessions.iter_mut().for_each(|session| watching::leave_past(session));
                 self.show_field(*field);
             }
             // Other dialogs are the first side's.
@@ -274,7 +274,7 @@ impl Comparison {
         let trains = self.sessions.each_ref().map(|s| s.snapshots().borrow().phase.is_training());
         let any = trains.contains(&true);
         for (session, _) in self.sessions.iter_mut().zip(trains).filter(|(_, own)| *own == any) {
-            time::toggle_pause(session);
+            watching::toggle_pause(session);
         }
     }
 
@@ -317,16 +317,11 @@ impl Comparison {
 
     pub fn open_help(&mut self, _: Action) {
         let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_deref()));
-        let comparison = Some(contenders::introduction(about));
-        self.sessions[0].open(Dialog::Help(Help { comparison, ..Help::default() }));
-    }
-
-    /// Opens the list of actions: of those that comparisons have, and of the others, to say why.
-    pub fn open_palette(&mut self, _: Action) {
+        let introduction = contenders::introduction(about);
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let list = lists::actions_of_comparisons(&cx.screen, &cx.scene, fields);
-        self.sessions[0].open(list);
+        let help = lists::help_of_comparison(&cx.screen, &cx.scene, &introduction, fields);
+        self.sessions[0].open(help);
     }
 
     pub fn close_top(&mut self, action: Action) {
@@ -361,7 +356,7 @@ impl Comparison {
     }
 
     fn show_field(&mut self, field: Field) {
-        self.sessions.iter_mut().for_each(|session| view::show_field(session, field));
+        self.sessions.iter_mut().for_each(|session| watching::show_field(session, field));
     }
 }
 
@@ -394,11 +389,11 @@ impl Comparison {
         self.lags |= is_edited;
         let lags = self.lags;
         let other = &mut self.sessions[1 - own];
-        time::leave_past(other);
-        self.lags = other.in_maze(|maze, screen, link| {
+        watching::leave_past(other);
+        self.lags = other.in_maze(|maze, screen| {
             maze.editor = editor;
             if lags {
-                maze.change_map(Some(map.clone()), screen, link);
+                maze.change_map(Some(map.clone()), screen);
             }
             lags && !Arc::ptr_eq(&maze.map, &map)
         });
@@ -443,9 +438,9 @@ impl Comparison {
     fn mirror(&mut self, own: usize) {
         let maze = self.maze(own);
         let (viewport, hovered) = (maze.viewport, maze.hovered);
-        self.sessions[1 - own].in_maze(|maze, _, link| {
+        self.sessions[1 - own].in_maze(|maze, screen| {
             maze.viewport = viewport;
-            maze.hover(hovered, link);
+            maze.hover(hovered, screen);
         });
     }
 }

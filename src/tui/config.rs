@@ -14,7 +14,7 @@ use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::theme::ThemeName;
 use crate::host::errors::ExplainedError;
-use crate::tui::marker::Marker;
+use crate::tui::choices::Marker;
 use gdg::files::{self, FileFormat, Mismatch, Wanted};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 

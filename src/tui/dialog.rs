@@ -1,4 +1,4 @@
-//! Dialogs on top of the screen: the help, a list to pick from, a question to answer.
+//! Dialogs on top of the screen: a list to pick from, such as the help, and a question to answer.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,8 +8,8 @@ use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
 use super::action::Action;
-use super::export_kind::ExportKind;
 use super::theme::ThemeName;
+use crate::tui::choices::ExportKind;
 use gdg::map::{Grid, RandomMapKind};
 use gdg::text::display_width;
 use gdg::train::{Method, Preset, Run};
@@ -20,7 +20,6 @@ const MAX_CHARACTERS: usize = 500;
 
 #[derive(Debug)]
 pub enum Dialog {
-    Help(Help),
     Pick(Picker),
     Ask(Prompt),
 }
@@ -128,75 +127,6 @@ fn insert_first_line(input: &mut Input, text: &str) {
     for c in text.lines().next().unwrap_or_default().chars().filter(|c| !c.is_control()).take(room)
     {
         input.handle(InputRequest::InsertChar(c));
-    }
-}
-
-/// The help: what it is about, its scroll position and its search.
-#[derive(Debug, Default)]
-pub struct Help {
-    /// The introduction to a comparison, if it is about one.
-    pub comparison: Option<String>,
-    pub first: usize,
-    /// The lines that fit on the screen.
-    pub page: usize,
-    pub search: Input,
-    pub searching: bool,
-}
-
-impl Help {
-    pub fn search(&self) -> &str {
-        self.search.value()
-    }
-
-    pub fn scroll(&mut self, lines: isize) {
-        self.first = self.first.saturating_add_signed(lines);
-    }
-
-    /// Scrolls by a page, except for one line that stays in view.
-    fn scroll_page(&mut self, down: bool) {
-        let page = isize::try_from(self.page.saturating_sub(1).max(1)).unwrap_or(1);
-        self.scroll(if down { page } else { -page });
-    }
-
-    /// Handles a key, which means `action` on the screen behind the help; returns whether the help is
-    /// to close.
-    pub fn on_key(&mut self, key: KeyEvent, action: Option<Action>) -> bool {
-        match (key.code, action) {
-            (KeyCode::Up, _) => self.scroll(-1),
-            (KeyCode::Down, _) => self.scroll(1),
-            (KeyCode::PageUp, _) => self.scroll_page(false),
-            (KeyCode::PageDown, _) => self.scroll_page(true),
-            _ if self.searching => self.on_search_key(key),
-            (KeyCode::Char('/'), _) => self.searching = true,
-            (_, Some(Action::Close)) if !self.search().is_empty() => self.clear_search(),
-            (_, Some(Action::Help | Action::Close | Action::Quit)) => return true,
-            (_, Some(Action::Move(0, dy))) => self.scroll(dy),
-            (KeyCode::Char(' '), _) => self.scroll_page(true),
-            (KeyCode::Home, _) => self.first = 0,
-            (KeyCode::End, _) => self.first = usize::MAX,
-            _ => {}
-        }
-        false
-    }
-
-    pub fn search_for(&mut self, text: &str) {
-        self.searching = true;
-        insert_first_line(&mut self.search, text);
-    }
-
-    /// Handles a key while searching: Enter keeps the search, Esc ends it.
-    fn on_search_key(&mut self, key: KeyEvent) {
-        self.first = 0;
-        match key.code {
-            KeyCode::Enter => self.searching = false,
-            KeyCode::Esc => self.clear_search(),
-            _ => drop(self.search.handle_event(&Event::Key(key))),
-        }
-    }
-
-    fn clear_search(&mut self) {
-        (self.searching, self.first) = (false, 0);
-        self.search.reset();
     }
 }
 
@@ -358,14 +288,6 @@ impl Picker {
             rows.push(PickerRow::Item(item, n == self.selected));
         }
         rows
-    }
-
-    pub fn most_rows(&self) -> usize {
-        let titles = self
-            .items
-            .chunk_by(|a, b| a.group == b.group)
-            .filter(|group| !group[0].group.is_empty());
-        self.items.len() + titles.count()
     }
 
     pub fn items(&self) -> impl Iterator<Item = &Item> {

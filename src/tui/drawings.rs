@@ -9,15 +9,16 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 
 use super::characters::QUADRANTS;
-use super::export_kind::ExportKind;
 use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme, blend, rgb_of_indexed};
 use crate::figure::{
-    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, PIXEL, Point, Sheet, colour,
+    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Mark, PIXEL, Point, Sheet, colour,
     round_top,
 };
+use crate::tui::choices::ExportKind;
+use gdg::draw::Picture;
 use gdg::engine::Snapshot;
 use gdg::files::{self, write_atomically};
 use gdg::train::Evaluation;
@@ -128,65 +129,55 @@ fn on_paper(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
 }
 
 /// Size of a character, size of letters, and their baseline below the top of a character, in points.
-/// The parts of a block are whole pixels of a PNG: what is drawn over the same area hides it.
 const WIDTH: f32 = 16.0 * PIXEL;
 const HEIGHT: f32 = 32.0 * PIXEL;
 const LETTERS: f32 = 6.25;
 const BASELINE: f32 = 6.0;
 
-/// By how much areas reach below those drawn later, in points: no gaps are left between them.
-const OVERLAP: f32 = PIXEL;
+/// Columns and rows of pixels of a character: enough for all blocks and dots of braille.
+const BLOCK: (usize, usize) = (8, 16);
 
 /// Text and background of a page that a theme leaves to the terminal.
 const PAGE: (Rgb, Rgb) = ((222, 222, 226), (16, 16, 20));
 
-/// Draws letters as text, and blocks, which fonts draw with gaps, as areas.
+/// Draws letters as text, above a picture of grounds and blocks, which fonts draw with gaps.
 fn sheet_of(screen: &Buffer, area: Rect, theme: &Theme) -> Sheet {
     let size = [f32::from(area.width) * WIDTH, f32::from(area.height) * HEIGHT];
+    let columns = usize::from(area.width) * BLOCK.0;
+    let mut blocks = Picture::new((columns, usize::from(area.height) * BLOCK.1), PAGE.1);
     let mut sheet = Sheet { size, title: "gdg-tui".to_owned(), marks: Vec::new() };
     for at in area.positions() {
-        let cell = &screen[at];
+        let (cell, column, row) = (&screen[at], at.x - area.x, at.y - area.y);
         let (front, back) = colours(cell, theme.page.unwrap_or(PAGE));
-        let left = f32::from(at.x - area.x) * WIDTH;
-        let top = f32::from(at.y - area.y) * HEIGHT;
-        let mut rectangle = |[x, y, width, height]: [f32; 4], colour: Rgb| {
-            let (x, y) = (left + x * WIDTH, top + y * HEIGHT);
-            let right = (x + width * WIDTH + OVERLAP).min(size[0]);
-            let bottom = (y + height * HEIGHT + OVERLAP).min(size[1]);
-            sheet.area(vec![[x, y], [right, y], [right, bottom], [x, bottom]], colour);
-        };
-        rectangle([0.0, 0.0, 1.0, 1.0], back);
-        if let Some(parts) = parts(cell.symbol()) {
-            parts.into_iter().for_each(|part| rectangle(part, front));
-        } else if cell.symbol() != " " {
-            let middle = [left + 0.5 * WIDTH, top + BASELINE];
+        let symbol = cell.symbol().chars().next().unwrap_or(' ');
+        let first = usize::from(row) * BLOCK.1 * columns + usize::from(column) * BLOCK.0;
+        for (x, y) in (0..BLOCK.0 * BLOCK.1).map(|i| (i % BLOCK.0, i / BLOCK.0)) {
+            let is_front = covers(symbol, x, y) == Some(true);
+            blocks.pixels_mut()[first + y * columns + x] = if is_front { front } else { back };
+        }
+        if covers(symbol, 0, 0).is_none() {
+            let middle = [(f32::from(column) + 0.5) * WIDTH, f32::from(row) * HEIGHT + BASELINE];
             sheet.text(middle, cell.symbol(), LETTERS, Anchor::Middle, front);
         }
     }
+    sheet.marks.insert(0, Mark::Picture { at: [0.0; 2], size, picture: blocks });
     sheet
 }
 
-/// Returns a block or a braille character as rectangles within it (left, top, width, height).
-fn parts(symbol: &str) -> Option<Vec<[f32; 4]>> {
+/// Returns whether a block or a braille character covers one of its pixels; `None` for others.
+fn covers(symbol: char, x: usize, y: usize) -> Option<bool> {
     /// The bits of a braille character's dots, column by column from the top.
     const BRAILLE: [[u32; 4]; 2] = [[0, 1, 2, 6], [3, 4, 5, 7]];
-    let symbol = symbol.chars().next()?;
-    let halves = |i: usize| [(i % 2) as f32 / 2.0, (i / 2) as f32 / 2.0, 0.5, 0.5];
     if let Some(quadrants) = QUADRANTS.iter().position(|known| *known == symbol) {
-        return Some((0..4).filter(|i| quadrants >> i & 1 == 1).map(halves).collect());
+        return Some(quadrants >> (y / 8 * 2 + x / 4) & 1 == 1);
     }
     if let Some(dots) = u32::from(symbol).checked_sub(0x2800).filter(|dots| *dots < 256) {
-        let dot = |i: usize| {
-            let (column, row) = (i / 4, i % 4);
-            let at = [column as f32 / 2.0 + 0.125, row as f32 / 4.0 + 0.0625];
-            (dots >> BRAILLE[column][row] & 1 == 1).then_some([at[0], at[1], 0.25, 0.125])
-        };
-        return Some((0..8).filter_map(dot).collect());
+        let is_dot = [x, y].iter().all(|at| (1..3).contains(&(at % 4)));
+        return Some(is_dot && dots >> BRAILLE[x / 4][y / 4] & 1 == 1);
     }
     // Lower blocks of an eighth to seven eighths.
     let eighths = u32::from(symbol).checked_sub(0x2580).filter(|n| (1..8).contains(n))?;
-    let height = eighths as f32 / 8.0;
-    Some(vec![[0.0, 1.0 - height, 1.0, height]])
+    Some(y + 2 * eighths as usize >= BLOCK.1)
 }
 
 /// Returns a character's front and back colours as displayed, given a page's.
@@ -322,9 +313,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_are_areas_and_letters_are_text() {
-        assert_eq!(parts("\u{2580}").map(|parts| parts.len()), Some(2));
-        assert_eq!(parts("\u{2583}"), Some(vec![[0.0, 0.625, 1.0, 0.375]]));
-        assert_eq!((parts("A"), parts("\u{2801}").map(|dots| dots.len())), (None, Some(1)));
+    fn blocks_are_pixels_and_letters_are_text() {
+        let covered = |symbol| {
+            let pixels = (0..BLOCK.0 * BLOCK.1).map(|i| covers(symbol, i % BLOCK.0, i / BLOCK.0));
+            pixels
+                .collect::<Option<Vec<bool>>>()
+                .map(|all| all.into_iter().filter(|is| *is).count())
+        };
+        let found = ['\u{2580}', '\u{2583}', '\u{2801}', ' ', 'A'].map(covered);
+        assert_eq!(found, [Some(64), Some(48), Some(4), Some(0), None]);
     }
 }

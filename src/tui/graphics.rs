@@ -6,16 +6,14 @@
 //! are sent.
 //!
 //! * `patches`: tracks what is on the screen and what to send.
-//! * `encode`: encodes patches.
 
-pub mod encode;
 pub mod patches;
 
 use ratatui::buffer::Cell;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
 
-use crate::tui::marker::Marker;
+use crate::tui::choices::Marker;
 use gdg::text::obeys_escapes;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -75,14 +75,14 @@ impl Keymap {
         of(mode).or_else(|| (mode == Mode::Touring).then(|| of(Mode::Watching)).flatten())
     }
 
-    /// Returns the first key of `action` for display, or the command palette's key if it has none.
+    /// Returns the first key of `action` for display, or the key of the help, which has all actions, if it has none.
     pub fn key_of(&self, action: Action) -> String {
         let first = |action| {
             bindings()
                 .filter(|b| b.action == action)
                 .find_map(|b| self.display_keys(b).into_iter().next())
         };
-        let unbound = || first(Action::Palette).map_or("-".to_owned(), |key| format!("{key} ..."));
+        let unbound = || first(Action::Help).map_or("-".to_owned(), |key| format!("{key} ..."));
         first(action).unwrap_or_else(unbound)
     }
 
@@ -153,7 +153,7 @@ fn short_name(key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tui::tool::Tool;
+    use crate::tui::choices::Tool;
 
     fn keymap(changes: &[(&str, &[&str])]) -> Result<Keymap, KeymapError> {
         let owned = |keys: &[&str]| keys.iter().map(|k| (*k).to_owned()).collect();
@@ -181,7 +181,6 @@ mod tests {
             ("shift-R", Mode::Watching, Some(Action::NewSeed)),
             ("1", Mode::Editing, Some(Action::Tool(Tool::Pencil))),
             ("1", Mode::EditingBoth, Some(Action::Tool(Tool::Pencil))),
-            ("g", Mode::EditingBoth, Some(Action::Axis)),
             // There is nothing to save or set in a comparison, and there are no panes.
             ("s", Mode::Comparing, None),
             ("o", Mode::Comparing, None),
@@ -206,7 +205,7 @@ mod tests {
             ("pause", "q", "quit"),
             ("pause", "1", "training"),
             // Both are used in comparisons.
-            ("axis", "v", "next-field"),
+            ("next-larger", "v", "next-field"),
         ] {
             let error = keymap(&[(name, &[key])]).expect_err("a mistake");
             assert!(error.problem.contains(said) || error.help.contains(said), "{error:?}");

@@ -1,15 +1,13 @@
 //! The areas of the last frame, to find what a click is on.
 
-use std::ops::Range;
-
 use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::{Line, Span};
 
 use super::action::Action;
 use super::pane_text::fitted_line;
-use super::projection::Projection;
 use super::viewport::MapFrame;
+use super::viewport::Projection;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {
@@ -34,7 +32,6 @@ pub struct ScreenLayout {
     pub dialog: Rect,
     /// The rows of the topmost list, and the index of the first one shown.
     pub rows: (Rect, usize),
-    pub help_lines: Option<Range<usize>>,
     pub charts: Vec<ChartArea>,
     /// The box of the guided tour, and the step it belongs to.
     pub tour: Option<(usize, Rect)>,

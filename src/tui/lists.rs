@@ -7,20 +7,24 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::dialog::{Choice, Item, Picker};
+use crate::host::logging;
 use crate::host::saves::resume_command;
-use crate::tui::action::{Action, Binding, Mode, bindings};
-use crate::tui::export_kind::ExportKind;
-use crate::tui::scene::Scene;
+use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
+use crate::tui::choices::ExportKind;
+use crate::tui::keymap::Keymap;
+use crate::tui::pane_text::clock;
+use crate::tui::render::side::training::MEANINGS as NUMBERS;
+use crate::tui::scene::{Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
-use crate::tui::theme::ThemeName;
+use crate::tui::theme::{ColourDepth, ThemeName};
 use gdg::bridge::Planner;
 use gdg::engine::Snapshot;
 use gdg::files::has_extension;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, METHODS, Method, NamedMethod, Preset, Registry, RunDescription, SETTINGS,
-    Setting, list_settings,
+    CheckpointError, LogEntry, METHODS, Method, NamedMethod, Preset, Registry, RunDescription,
+    SETTINGS, Setting, USUAL, list_settings,
 };
 use gdg::viewer::Field;
 
@@ -30,47 +34,84 @@ pub const EMPTY_MAP: (usize, usize) = (40, 30);
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
-/// Lists the actions available on this screen by name, then the fields to show, then the settings.
-pub fn actions(screen: &Screen, scene: &Scene) -> Picker {
-    let modes =
-        [Some(Mode::Watching), Some(Mode::Editing), screen.tour.as_ref().map(|_| Mode::Touring)];
+/// The help: what is seen, what can be done on this screen, with its keys, the fields to show, the
+/// settings, and what the numbers mean. Typing searches it, and Enter does what is selected.
+pub fn help(screen: &Screen, scene: &Scene) -> Picker {
+    let touring = screen.tour.as_ref().map(|_| Mode::Touring);
+    let modes: Vec<Mode> = [Mode::Watching, Mode::Editing].into_iter().chain(touring).collect();
+    let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);
-        Item { detail, marked: false, ..setting }.within("settings")
+        let below = setting.below[..3].to_vec();
+        Item { detail, below, marked: false, ..setting }.within("settings")
     });
-    let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
-    palette(screen, scene, &modes, fields, settings.collect())
+    help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
 
-/// Lists the actions of comparisons by name, then the `fields` to show.
-pub fn actions_of_comparisons(
+/// The help of a comparison.
+pub fn help_of_comparison(
     screen: &Screen,
     scene: &Scene,
+    introduction: &str,
     fields: impl Iterator<Item = Field>,
 ) -> Picker {
-    palette(screen, scene, &[Some(Mode::Comparing), Some(Mode::EditingBoth)], fields, Vec::new())
+    let modes = [Mode::Comparing, Mode::EditingBoth];
+    help_in(&modes, screen, scene, introduction, fields.map(field_item))
 }
 
-fn palette(
+fn help_in(
+    modes: &[Mode],
     screen: &Screen,
     scene: &Scene,
-    modes: &[Option<Mode>],
-    fields: impl Iterator<Item = Field>,
-    more: Vec<Item>,
+    introduction: &str,
+    more: impl Iterator<Item = Item>,
 ) -> Picker {
-    let is_here = |b: &Binding| modes.iter().flatten().any(|mode| b.is_active(*mode));
-    let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && is_here(b);
-    let items = bindings().filter(named).map(|b| action_item(b, screen, scene));
-    let fields = fields.map(field_item);
-    Picker::new("find an action", items.chain(fields).chain(more).collect())
-}
-
-fn action_item(b: &Binding, screen: &Screen, scene: &Scene) -> Item {
-    let keys = screen.keymap.display_keys(b).join(" ");
-    Item {
-        words: format!("{} {}", b.name, b.words),
-        ..Item::new(scene.wording(b), keys, Choice::Act(b.action))
+    let is_here = |b: &&Binding| scene.offers(b.action) && modes.iter().any(|m| b.is_active(*m));
+    let actions = SECTIONS.iter().flat_map(|section| {
+        section.bindings.iter().filter(is_here).map(|b| {
+            let label = format!("{}{}", scene.wording(b), b.place());
+            action_item(b, label, &screen.keymap).within(section.title)
+        })
+    });
+    let about = |(name, meaning): &(&str, &str)| {
+        Item::new(format!("{name}: {meaning}"), "", Choice::Nothing).within("the numbers")
+    };
+    let numbers = NUMBERS.iter().chain(WALK_MEANINGS).map(about);
+    let folder = logging::folder().map(|folder| {
+        let label = format!("log files: {}", folder.display());
+        Item::new(label, "", Choice::Nothing).within("files of the program")
+    });
+    let mut text = introduction.to_owned();
+    if screen.theme.depth == ColourDepth::Mono {
+        text = text.replace("light near, dark far", "the denser, the farther");
+        text = text.replace("Colours show", "Shades show");
     }
+    Picker::new("help", actions.chain(more).chain(numbers).chain(folder).collect()).explaining(text)
+}
+
+/// The help of lists of runs.
+pub fn help_of_lists(keymap: &Keymap) -> Picker {
+    let listed = |when| {
+        let is_listed = move |b: &&Binding| b.is_active(Mode::Listing) && b.when == when;
+        bindings().filter(is_listed)
+    };
+    let item = |binding: &Binding| {
+        let wording = match binding.action {
+            Action::Move(_, 1) => "select the next run",
+            Action::Move(..) => "select the run before",
+            Action::Close => "show all runs again, or unmark them",
+            _ => binding.long,
+        };
+        action_item(binding, wording, keymap)
+    };
+    let items = listed(Some(Mode::Listing)).chain(listed(None)).map(item);
+    Picker::new("help", items.collect())
+}
+
+fn action_item(b: &Binding, label: impl Into<String>, keymap: &Keymap) -> Item {
+    let keys = keymap.display_keys(b).join(" ");
+    let words = format!("{} {}", b.name, b.words);
+    Item { words, ..Item::new(label, keys, Choice::Act(b.action)) }
 }
 
 fn field_item(field: Field) -> Item {
@@ -78,6 +119,7 @@ fn field_item(field: Field) -> Item {
         words: field.words().to_owned(),
         ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
     }
+    .within("colours")
 }
 
 pub fn themes(now: ThemeName) -> Picker {
@@ -129,16 +171,19 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
         .into_iter()
         .zip(list_settings(&screen.settings_of(run.preset)));
     let all = SETTINGS.iter().zip(values);
-    let items = all.map(|(setting, ((_, now), (_, default)))| Item {
-        marked: screen.changed_settings.contains(setting.name),
-        ..setting_item(setting, &now, &default, run.preset)
-    });
-    items.collect()
+    let mut items: Vec<Item> = all
+        .map(|(setting, ((_, now), (_, default)))| Item {
+            marked: screen.changed_settings.contains(setting.name),
+            ..setting_item(setting, &now, &default, run.preset)
+        })
+        .collect();
+    items.sort_by_key(|item| item.group != USUAL);
+    items
 }
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
 fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
-    let Setting { name, group, about, unit, values, effect, .. } = setting;
+    let Setting { name, about, usual, unit, values, effect, .. } = setting;
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
     let of = if preset == Preset::Default {
         String::new()
@@ -149,10 +194,11 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
         format!("{about}."),
         format!("Now {now}{unit}; {default} by default{of}. Possible: {values}."),
         format!("A change {}.", effect.about()),
+        (*usual).to_owned(),
     ];
     let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
-    Item { below, ..Item::new(*name, detail, choice).within(group) }
+    Item { below, ..Item::new(*name, detail, choice).within(setting.heading()) }
 }
 
 pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
@@ -285,6 +331,16 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
         }
     }
     Picker::new(format!("open a map: {}", folder.display()), items)
+}
+
+/// Lists messages, the latest first, with their moments in seconds of training and updates.
+pub fn messages(log: &[LogEntry]) -> Option<Picker> {
+    let item = |entry: &LogEntry| {
+        let at = format!("{} at {}", clock(entry.seconds), grouped(entry.updates));
+        Item::new(entry.text.clone(), at, Choice::Nothing)
+    };
+    let items: Vec<Item> = log.iter().rev().map(item).collect();
+    (!items.is_empty()).then(|| Picker::new("messages", items))
 }
 
 /// A checkpoint's summary, or why it cannot be loaded.

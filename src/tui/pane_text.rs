@@ -3,7 +3,7 @@
 use ratatui::text::{Line, Span};
 use unicode_truncate::UnicodeTruncateStr;
 
-use super::style::{BOLD, DIM};
+use crate::tui::theme::{BOLD, DIM};
 use gdg::text::{display_width, fitted, grouped};
 
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {

@@ -13,15 +13,11 @@
 //! +----------------------------------------------------------+
 //! ```
 
+pub(super) mod bars;
 mod caption;
 pub(super) mod curves;
 pub(super) mod dialog;
-pub(super) mod footer;
-mod header;
-pub(super) mod help;
-mod hint;
-pub(super) mod pane_chart;
-mod side;
+pub(super) mod side;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -88,7 +84,7 @@ pub fn draw_panes(
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
             .areas(whole);
-    header::draw(&mut page, head);
+    bars::draw_header(&mut page, head);
     let panel = PanelPosition::place(body, scene.proportions());
     page.layout.lacks_panel = panel == PanelPosition::Nowhere;
     if screen.maximised {
@@ -107,13 +103,13 @@ pub fn draw_panes(
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         scene.draw(page.frame, [map, info], screen, &mut page.layout, cache);
-        hint::draw(&mut page, map);
+        bars::draw_hint(&mut page, map);
         caption::draw(&mut page, map);
         if !side.is_empty() {
             side::draw(&mut page, side);
         }
     }
-    footer::draw(&mut page, foot);
+    bars::draw_footer(&mut page, foot);
     page.layout
 }
 

@@ -30,12 +30,14 @@ use super::PreparedInterface;
 use super::action::{Action, ListAction, Mode};
 use super::compare::Contestants;
 use super::config::UiConfig;
-use super::dialog::Help;
+use super::dialog::{Choice, Dialog};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::Click;
+use super::lists;
 use super::log::Log;
 use super::screen::PATIENCE;
+use super::session::answer::Reply;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
 use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
@@ -86,7 +88,7 @@ pub struct RunsScreen {
     curves: (Measure, Axis),
     /// A question, and the files that are deleted if the user agrees.
     deletion: Option<(String, BTreeSet<PathBuf>)>,
-    help: Option<Help>,
+    help: Option<Dialog>,
     log: Log,
     theme: Theme,
     keymap: Keymap,
@@ -222,9 +224,8 @@ impl RunsScreen {
             return self.act(Action::Quit);
         }
         if let Some(help) = &mut self.help {
-            if help.on_key(key, action) {
-                self.help = None;
-            }
+            let reply = help.key(key);
+            self.follow_help(reply);
         } else if let Some((_, files)) = self.deletion.take() {
             if matches!(key.code, KeyCode::Char('y' | 'Y')) {
                 self.list.clear_marks();
@@ -243,6 +244,20 @@ impl RunsScreen {
         }
     }
 
+    /// Closes the help, or does what has been picked in it.
+    fn follow_help(&mut self, reply: Reply) {
+        if matches!(reply, Reply::Stays) {
+            return;
+        }
+        let choice = match self.help.take() {
+            Some(Dialog::Pick(list)) => list.choice().cloned(),
+            _ => None,
+        };
+        if let (Reply::Accepts, Some(Choice::Act(action))) = (reply, choice) {
+            self.act(action);
+        }
+    }
+
     /// Handles a key while words are typed: Enter keeps them, Esc removes them.
     fn on_key_in_words(&mut self, key: KeyEvent) {
         match key.code {
@@ -258,7 +273,7 @@ impl RunsScreen {
     fn act(&mut self, action: Action) {
         match action {
             Action::Move(_, rows) => self.list.step(rows),
-            Action::Help => self.help = Some(Help::default()),
+            Action::Help => self.help = Some(lists::help_of_lists(&self.keymap).into()),
             Action::Close => self.close_top(),
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
@@ -291,11 +306,10 @@ impl RunsScreen {
         }
     }
 
-    /// Closes the help, or else opens nothing any more, or else shows all runs, or else unmarks
-    /// them.
+    /// Opens nothing any more, or else shows all runs, or else unmarks them.
     fn close_top(&mut self) {
         // The thread of what is being opened ends by itself.
-        if self.help.take().is_some() || self.opening.take().is_some() {
+        if self.opening.take().is_some() {
             return self.log.dismiss();
         }
         if self.words.value().is_empty() {
@@ -308,26 +322,25 @@ impl RunsScreen {
     /// Handles the mouse: a click selects a run, one on the selected run marks it, and one on a
     /// column's name sorts.
     fn on_mouse(&mut self, mouse: MouseEvent) {
+        let at = Position::new(mouse.column, mouse.row);
+        if let Some(help) = &mut self.help {
+            let reply = help.mouse(mouse.kind, at, &self.places.layout);
+            return self.follow_help(reply);
+        }
         let wheel = match mouse.kind {
             MouseEventKind::ScrollUp => -WHEEL,
             MouseEventKind::ScrollDown => WHEEL,
-            MouseEventKind::Down(MouseButton::Left) => {
-                return self.on_click(Position::new(mouse.column, mouse.row));
-            }
+            MouseEventKind::Down(MouseButton::Left) => return self.on_click(at),
             _ => return,
         };
-        match &mut self.help {
-            Some(help) => help.scroll(wheel),
-            None => self.list.step(wheel),
-        }
+        self.list.step(wheel);
     }
 
     fn on_click(&mut self, at: Position) {
         self.log.dismiss();
         match self.places.layout.click(at) {
             Some(Click::Act(action)) => return self.act(action),
-            Some(Click::Close) => return self.close_top(),
-            _ if self.help.is_some() || self.deletion.is_some() => return,
+            _ if self.deletion.is_some() => return,
             _ => {}
         }
         if let Some((_, column)) = self.places.columns.iter().find(|(area, _)| area.contains(at)) {
@@ -382,6 +395,9 @@ impl Interface for RunsScreen {
         match event {
             Event::Key(key) if !key.is_release() => self.on_key(*key),
             Event::Mouse(mouse) => self.on_mouse(*mouse),
+            Event::Paste(text) if self.help.is_some() => {
+                self.help.iter_mut().for_each(|help| help.paste(text));
+            }
             Event::Paste(text) if self.is_typing => {
                 let line = text.lines().next().unwrap_or_default();
                 let all = format!("{}{line}", self.words.value());
@@ -406,9 +422,6 @@ impl Interface for RunsScreen {
 
     fn draw(&mut self, frame: &mut Frame) {
         self.places = list_view::draw(frame, self);
-        if let (Some(help), Some(lines)) = (&mut self.help, &self.places.layout.help_lines) {
-            (help.first, help.page) = (lines.start, lines.len());
-        }
     }
 
     fn report(&mut self, problem: &str) {

@@ -17,10 +17,9 @@ use ratatui::text::Line;
 
 use super::action::{Action, Binding, Mode};
 use super::layout::ScreenLayout;
-use super::link::TrainerLink;
-use super::overlay::Overlay;
 use super::pane_text::fact;
 use super::screen::Screen;
+use crate::tui::choices::Overlay;
 use gdg::engine::Snapshot;
 use gdg::env::WorldScene;
 use gdg::train::FilmFrame;
@@ -91,26 +90,20 @@ pub trait SceneKind {
         cache: &mut Cache,
     );
 
-    fn start(&mut self, screen: &mut Screen, link: &mut TrainerLink);
+    fn start(&mut self, screen: &mut Screen);
 
-    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &TrainerLink);
+    fn show(&mut self, view: Arc<View>, screen: &mut Screen);
 
-    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink);
+    fn act(&mut self, action: Action, screen: &mut Screen);
 
     /// Handles the mouse where nothing is clickable; returns whether it did anything.
-    fn on_mouse(
-        &mut self,
-        kind: MouseEventKind,
-        at: Position,
-        screen: &mut Screen,
-        link: &mut TrainerLink,
-    ) -> bool;
+    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) -> bool;
 
     /// Returns to showing everything; returns whether anything changed.
-    fn close(&mut self, link: &TrainerLink) -> bool;
+    fn close(&mut self, screen: &mut Screen) -> bool;
 
     /// Has the viewer compute what the pixels show; `before` is the previous layout.
-    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &TrainerLink);
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen);
 
     /// The frame of the film that is shown: the viewer's latest, to avoid flicker.
     fn past(&self) -> Option<&FilmFrame> {

@@ -1,8 +1,12 @@
-//! The state of the screen: everything a frame is drawn from, except the scene.
+//! The state of the screen: everything a frame is drawn from, except the scene; and the ways to
+//! trainer and viewer.
 
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 
 use super::action::Action;
 use super::config::UiConfig;
@@ -11,20 +15,22 @@ use super::graphics::{Graphics, Redraw};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::Log;
-use super::overlay::{Overlay, Overlays};
-use super::panes::Pane;
 use super::theme::{ColourDepth, Theme};
-use crate::tui::marker::Marker;
+use crate::tui::choices::{Marker, Overlay, Overlays, Pane};
 use gdg::bridge::SearchOutcome;
-use gdg::engine::{Phase, Snapshot};
+use gdg::engine::{EngineCommand, EngineLink, Phase, Snapshot};
+use gdg::job::Job;
 use gdg::text::grouped;
 use gdg::train::{
     FilmFrame, Preset, Run, Settings, SuccessSummary, changed_from, settings_in_world,
 };
-use gdg::viewer::{Field, OnArrival};
+use gdg::viewer::{Field, OnArrival, Request, Viewer};
 
 /// How long the interface waits for what is done on another thread before it goes on.
 pub const PATIENCE: Duration = Duration::from_millis(200);
+
+/// Time after which it is shown what the trainer does instead of training.
+const SHOWN_AFTER: Duration = Duration::from_millis(500);
 
 /// How long a line over the map is shown.
 const BANNER_DURATION: Duration = Duration::from_secs(10);
@@ -49,7 +55,7 @@ pub struct Screen {
     pub pane: Pane,
     /// Whether that pane fills the screen.
     pub maximised: bool,
-    /// How far back curves and log are scrolled, in pages.
+    /// How far back curves are scrolled, in pages.
     pub scrolled: usize,
     /// What the walking agent does at the goal.
     pub on_arrival: OnArrival,
@@ -79,11 +85,19 @@ pub struct Screen {
     pub explains: bool,
     /// Where things were last drawn.
     pub layout: ScreenLayout,
+    pub engine: EngineLink,
+    pub viewer: Viewer,
+    /// The number of the latest request for a goal.
+    pub goal_request: u64,
+    /// Separate, so that training does not depend on user input.
+    pub rng: ChaCha8Rng,
 }
 
 impl Screen {
-    pub fn new(config: &UiConfig, keymap: Keymap, snapshot: Arc<Snapshot>) -> Self {
+    pub fn new(config: &UiConfig, keymap: Keymap, engine: EngineLink, viewer: Viewer) -> Self {
+        let snapshot = engine.snapshots().borrow().clone();
         let theme = Theme::new(config.theme, ColourDepth::detect());
+        let rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
         let mut screen = Self {
             keymap,
             overlays: Overlays::by_default(theme.depth),
@@ -114,6 +128,10 @@ impl Screen {
             explained: None,
             explains: false,
             layout: ScreenLayout::default(),
+            engine,
+            viewer,
+            goal_request: 0,
+            rng,
         };
         screen.update_changed_settings();
         screen
@@ -137,6 +155,42 @@ impl Screen {
 
     pub fn run(&self) -> &Run {
         &self.snapshot.run
+    }
+
+    /// Returns what the trainer does instead of training, if that takes long.
+    pub fn busy_with(&self) -> Option<Job> {
+        self.engine.busy().filter(|job| job.since().elapsed() >= SHOWN_AFTER)
+    }
+
+    /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
+    pub fn command(&mut self, command: EngineCommand) -> bool {
+        let sent = self.engine.send(command);
+        if !sent {
+            self.notify("the trainer is busy: try again");
+        } else if let Some(job) = self.busy_with() {
+            self.say(&format!("taken: it follows, the trainer is {}", job.what()));
+        }
+        sent
+    }
+
+    pub fn request(&self, request: Request) {
+        self.viewer.request(request);
+    }
+
+    pub fn next_goal_request(&mut self) -> u64 {
+        self.goal_request += 1;
+        self.goal_request
+    }
+
+    /// Returns to the present; returns whether the past was shown. A frozen screen is unfrozen, as
+    /// its view is gone.
+    pub fn return_to_present(&mut self) -> bool {
+        let was_past = self.past.take().is_some();
+        if was_past {
+            self.request(Request::Past(None));
+            self.frozen = false;
+        }
+        was_past
     }
 
     /// Says why an overlay cannot be shown, if it cannot.
@@ -175,7 +229,7 @@ impl Screen {
         self.dialogs.push(dialog.into());
     }
 
-    /// Scrolls curves and log by pages: back if negative.
+    /// Scrolls curves by pages: back if negative.
     pub fn scroll(&mut self, pages: isize) {
         self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }
@@ -183,10 +237,6 @@ impl Screen {
     /// Takes the line over the map away once it has been there for a while; returns whether it has.
     pub fn drop_old_banner(&mut self) -> bool {
         self.banner.take_if(|since| since.elapsed() > BANNER_DURATION).is_some()
-    }
-
-    pub fn success(&self) -> Option<SuccessSummary> {
-        self.snapshot.evaluation().map(|(updates, e)| e.success(self.snapshot.learned(*updates)))
     }
 
     /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.
@@ -216,28 +266,32 @@ impl Screen {
         let wanted = self.marker.wants_pixels() && self.theme.depth != ColourDepth::Mono;
         self.graphics.filter(|_| wanted).map(|graphics| graphics.character)
     }
+}
 
-    /// Summarises the run in the world called `title` for the terminal after the screen is closed,
-    /// in lines that fit into 80 columns unless the title is long.
-    pub fn summary(&self, title: &str) -> String {
-        let counters = self.snapshot.counters;
-        let text = format!(
-            "{} on {}, seed {}: {} updates in {:.0} s\n{} steps, {} episodes",
-            self.run().method.name(),
-            title,
-            self.run().seed,
-            grouped(self.snapshot.updates()),
-            self.snapshot.seconds,
-            grouped(counters.env_steps),
-            grouped(counters.episodes)
-        );
-        match self.success() {
-            Some(success) => {
-                format!("{text}\nat update {}: success {success}", grouped(success.updates))
-            }
-            None => text,
+/// Summarises the run in the world called `title` for the terminal after the screen is closed, in
+/// lines that fit into 80 columns unless the title is long.
+pub fn summary_of(snapshot: &Snapshot, title: &str) -> String {
+    let (run, counters) = (&snapshot.run, snapshot.counters);
+    let text = format!(
+        "{} on {title}, seed {}: {} updates in {:.0} s\n{} steps, {} episodes",
+        run.method.name(),
+        run.seed,
+        grouped(snapshot.updates()),
+        snapshot.seconds,
+        grouped(counters.env_steps),
+        grouped(counters.episodes)
+    );
+    match success_of(snapshot) {
+        Some(success) => {
+            format!("{text}\nat update {}: success {success}", grouped(success.updates))
         }
+        None => text,
     }
+}
+
+/// Returns the success in the latest evaluation.
+pub fn success_of(snapshot: &Snapshot) -> Option<SuccessSummary> {
+    snapshot.evaluation().map(|(updates, e)| e.success(snapshot.learned(*updates)))
 }
 
 /// A caption and its subject.

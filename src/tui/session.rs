@@ -1,16 +1,15 @@
 //! A run on the screen: forwards what the user does to trainer and viewer, and what they publish to
 //! the screen.
 //!
-//! What commands do with it: `time`, `view`, `change_run`, `disk`, `saving`, `tour`. `answer`:
+//! What commands do with it: `watching`, `change_run`, `disk`, `saving`, `tour`. `answer`:
 //! dialogs and their answers.
 
-mod answer;
+pub mod answer;
 pub mod change_run;
 pub mod disk;
 pub mod saving;
-pub mod time;
 mod tour;
-pub mod view;
+pub mod watching;
 
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
@@ -26,15 +25,14 @@ use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::interface::TerminalRequest;
 use super::keymap::Keymap;
-use super::layer::draw_dialog;
 use super::layout::ScreenLayout;
-use super::link::TrainerLink;
 use super::lists;
 use super::render;
+use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::{PATIENCE, Screen};
 use disk::ShowResult;
-use gdg::engine::{EngineCommand, EngineLink, NextEvaluation, Phase, Snapshot};
+use gdg::engine::{EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
 use gdg::train::SaveTo;
@@ -45,12 +43,11 @@ pub use tour::STEPS as ALL_STEPS;
 use tour::TourGuide;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
-/// What commands act on: the screen, what is drawn in the place of the map, and the ways to trainer
-/// and viewer.
+/// What commands act on: the screen, which leads to trainer and viewer, and what is drawn in the
+/// place of the map.
 pub struct Cx {
     pub screen: Screen,
     pub scene: Scene,
-    pub link: TrainerLink,
     pub writing: Option<Running<ShowResult>>,
     /// The map or checkpoints that are being read, and how long to wait for them before the
     /// interface goes on.
@@ -59,35 +56,21 @@ pub struct Cx {
 }
 
 impl Cx {
-    /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
-    pub fn command(&mut self, command: EngineCommand) -> bool {
-        self.link.command(command, &mut self.screen)
-    }
-
-    /// Returns to the present; returns whether the past was shown.
-    pub fn return_to_present(&mut self) -> bool {
-        self.link.return_to_present(&mut self.screen)
-    }
-
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
-        self.link.engine.snapshots()
+        self.screen.engine.snapshots()
     }
 
     pub fn views(&self) -> watch::Receiver<Arc<View>> {
-        self.link.viewer.views()
-    }
-
-    pub fn act_in_scene(&mut self, action: Action) {
-        self.scene.act(action, &mut self.screen, &mut self.link);
+        self.screen.viewer.views()
     }
 
     /// Lets the maze react to something, if the scene is one.
     pub fn in_maze<T: Default>(
         &mut self,
-        react: impl FnOnce(&mut MazeState, &mut Screen, &mut TrainerLink) -> T,
+        react: impl FnOnce(&mut MazeState, &mut Screen) -> T,
     ) -> T {
-        let Self { screen, scene, link, .. } = self;
-        scene.maze_mut().map_or_else(T::default, |maze| react(maze, screen, link))
+        let Self { screen, scene, .. } = self;
+        scene.maze_mut().map_or_else(T::default, |maze| react(maze, screen))
     }
 }
 
@@ -134,8 +117,7 @@ impl Session {
         let snapshot = snapshots.borrow().clone();
         let cx = Cx {
             scene: Scene::of(&snapshot),
-            link: TrainerLink::new(engine, viewer, &snapshot),
-            screen: Screen::new(config, keymap, snapshot),
+            screen: Screen::new(config, keymap, engine, viewer),
             writing: None,
             reading: None,
             reading_patience: PATIENCE,
@@ -159,16 +141,16 @@ impl Session {
         saver.start_run(&cx.screen.snapshot);
         cx.screen.log.start_run(&cx.screen.snapshot.notes.log);
         guide.forget(&mut cx.screen);
-        cx.return_to_present();
+        cx.screen.return_to_present();
         cx.screen.layout = ScreenLayout::default();
         cx.scene.enter(&cx.screen.snapshot);
         if !cx.scene.has_field(cx.screen.field, &cx.screen) {
             cx.screen.field = Field::default();
         }
         // Another kind of scene has a worker of its own, which does not know these yet.
-        cx.link.request(Request::Field(cx.screen.field));
-        cx.link.request(Request::OnArrival(cx.screen.on_arrival));
-        cx.scene.start(&mut cx.screen, &mut cx.link);
+        cx.screen.request(Request::Field(cx.screen.field));
+        cx.screen.request(Request::OnArrival(cx.screen.on_arrival));
+        cx.scene.start(&mut cx.screen);
         self.thaw();
     }
 
@@ -203,12 +185,6 @@ impl Session {
         binding_of(action).into_iter().for_each(|binding| binding.perform(self));
     }
 
-    /// Performs an action on the goal, after which nobody needs a hint how to set it.
-    pub fn act_on_goal(&mut self, action: Action) {
-        self.screen.explains = false;
-        self.cx.act_in_scene(action);
-    }
-
     pub fn ask_terminal(&mut self, request: TerminalRequest) {
         self.terminal_request = Some(request);
     }
@@ -226,8 +202,8 @@ impl Session {
         if self.moves_tour_on(kind) {
             return;
         }
-        let Cx { screen, scene, link, .. } = &mut self.cx;
-        if !screen.maximised && scene.on_mouse(kind, at, screen, link) {
+        let Cx { screen, scene, .. } = &mut self.cx;
+        if !screen.maximised && scene.on_mouse(kind, at, screen) {
             return;
         }
         match kind {
@@ -283,12 +259,12 @@ impl Session {
 
     /// Looks at what the trainer is doing; returns whether the screen changes.
     pub fn update_busy(&mut self) -> bool {
-        let Cx { link, screen, .. } = &mut self.cx;
+        let Cx { screen, .. } = &mut self.cx;
         let evaluating = match screen.snapshot.next_evaluation {
             NextEvaluation::Running(_) => screen.snapshot.evaluation_progress.short(),
             _ => None,
         };
-        let now = (link.busy().map(|job| job.to_string()), evaluating);
+        let now = (screen.busy_with().map(|job| job.to_string()), evaluating);
         let changed = now != (screen.busy.take(), screen.evaluating.take());
         (screen.busy, screen.evaluating) = now;
         changed
@@ -360,10 +336,10 @@ impl Session {
     }
 
     pub fn on_view(&mut self, view: Arc<View>) {
-        let Cx { screen, scene, link, .. } = &mut self.cx;
+        let Cx { screen, scene, .. } = &mut self.cx;
         // The past can be looked at on a frozen screen.
         if !screen.frozen || screen.past.is_some() {
-            scene.show(view, screen, link);
+            scene.show(view, screen);
         }
     }
 
@@ -371,7 +347,7 @@ impl Session {
         self.cache.begin();
         let Cx { screen, scene, .. } = &self.cx;
         let mut layout = render::draw_panes(frame, screen, scene, &mut self.cache);
-        draw_dialog(frame, screen, scene, &mut layout);
+        draw_dialog(frame, screen, &mut layout);
         render::finish_frame(frame, &screen.theme);
         self.drawn(layout);
     }
@@ -379,14 +355,9 @@ impl Session {
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its
     /// pixels show.
     pub fn drawn(&mut self, layout: ScreenLayout) {
-        let Cx { screen, scene, link, .. } = &mut self.cx;
+        let Cx { screen, scene, .. } = &mut self.cx;
         let before = std::mem::replace(&mut screen.layout, layout);
-        if let (Some(Dialog::Help(help)), Some(lines)) =
-            (screen.dialogs.last_mut(), &screen.layout.help_lines)
-        {
-            (help.first, help.page) = (lines.start, lines.len());
-        }
-        scene.drawn(before, screen, link);
+        scene.drawn(before, screen);
     }
 }
 

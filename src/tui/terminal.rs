@@ -27,12 +27,12 @@ use ratatui::{TerminalOptions, Viewport};
 use tokio::runtime::Runtime;
 use tokio::signal::unix::{self, SignalKind, signal};
 
-use super::graphics::patches::Patches;
-use super::graphics::{self, Answer, Graphics, Redraw, encode};
+use super::graphics::patches::{DELETE_ALL, Patches};
+use super::graphics::{self, Answer, Graphics, Redraw};
 use super::input::{Input, InputStream, is_in_foreground};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
-use super::marker::Marker;
 use crate::host::signals::TerminationSignal;
+use crate::tui::choices::Marker;
 use gdg::printing;
 use gdg::text::sanitized_lines;
 
@@ -505,7 +505,7 @@ fn leaving(pictures: bool) -> Vec<u8> {
     let mut bytes = Vec::new();
     // Writing to memory does not fail.
     if pictures {
-        bytes.extend(encode::DELETE_ALL);
+        bytes.extend(DELETE_ALL);
         let _ = queue!(bytes, Clear(ClearType::All));
     }
     let _ = queue!(

@@ -37,13 +37,12 @@ use super::app::{App, Base};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::drawings::{ExportError, contents};
-use super::export_kind::ExportKind;
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::scene::{MazeState, Scene, SpaceState};
 use super::session::{Cx, Session};
 use super::theme::{ColourDepth, Theme, ThemeName};
-use super::tool::Tool;
+use crate::tui::choices::{ExportKind, Tool};
 use gdg::engine::{Engine, EngineCommand, EngineLink, Phase, Snapshot};
 use gdg::env::{Environment, PointMaze};
 use gdg::job::Job;
@@ -148,22 +147,22 @@ impl Session {
 
     /// Puts an arm's goal at `at`.
     fn set_arm_goal(&mut self, at: [f32; 3]) {
-        let Cx { screen, scene, link, .. } = &mut self.cx;
+        let Cx { screen, scene, .. } = &mut self.cx;
         match scene {
-            Scene::Space(space) => space.set_goal(at.to_vec(), screen, link),
+            Scene::Space(space) => space.set_goal(at.to_vec(), screen),
             Scene::Maze(_) => panic!("an arm"),
         }
     }
 
     /// Puts the goal at `cell`, or at the free cell nearest to it.
     fn set_goal(&mut self, cell: Cell) {
-        self.in_maze(|maze, screen, link| maze.set_goal(cell, screen, link));
+        self.in_maze(|maze, screen| maze.set_goal(cell, screen));
     }
 
     fn change_cell(&mut self, cell: Cell, free: bool) {
-        self.in_maze(|maze, screen, link| {
+        self.in_maze(|maze, screen| {
             let map = maze.map.with_cells([(cell, free)]).map(Arc::new);
-            maze.change_map(map, screen, link);
+            maze.change_map(map, screen);
         });
     }
 

@@ -1,4 +1,4 @@
-//! The map's colours: themes, reduced to the colours that the terminal has.
+//! The styles of text, and the map's colours: themes, reduced to the colours that the terminal has.
 
 use anstyle::{Ansi256Color, RgbColor};
 use anstyle_lossy::palette::VGA;
@@ -10,6 +10,13 @@ use serde::{Deserialize, Serialize};
 pub use gdg::draw::{Rgb, blend, contour, lightness};
 use gdg::draw::{contrast, distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
+
+/// Headings, keys and other important text.
+pub const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
+
+pub const DIM: Style = Style::new().add_modifier(Modifier::DIM);
+
+pub const REVERSED: Style = Style::new().add_modifier(Modifier::REVERSED);
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColourDepth {

@@ -370,6 +370,25 @@ class Dawdles(Point):
         return super().step(action)
 
 
+class Once(Point):
+    """Raises late in an episode that it has had before."""
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        self.seeds, self.again, self.steps = set(), False, 0
+
+    def reset(self, seed=None, options=None):
+        self.again, self.steps = seed in self.seeds, 0
+        self.seeds.add(seed)
+        return super().reset(seed=seed)
+
+    def step(self, action):
+        self.steps += 1
+        if self.again and self.steps == 30:
+            raise ValueError("not again")
+        return super().step(action)
+
+
 class Slow(Point):
     def __init__(self, **how):
         super().__init__(**how)

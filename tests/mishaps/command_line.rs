@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::{checkpoint, events, folder};
 use crate::support::{headless, isolated_command, outcome};
+use gdg::train;
 
 /// Runs the program with what is typed; returns exit status, output and errors.
 pub fn typed(folder: &Path, args: &[&str]) -> (i32, String, String) {
@@ -137,9 +138,9 @@ fn input_that_is_not_in_a_file_is_refused_with_what_to_do() {
 fn a_resumed_run_goes_on_in_its_own_table() {
     let folder = folder();
     let run = |args: &[&str]| {
-        let (status, output, errors) = outcome(&mut headless(folder.path(), args));
+        let (status, _, errors) = outcome(&mut headless(folder.path(), args));
         assert_eq!(status, 0, "{errors}");
-        output
+        errors
     };
     let common = ["--eval-tasks", "1", "--eval-every-updates", "300", "--threads", "1"];
     let with = |args: &[&'static str]| [args, &common].concat();
@@ -156,8 +157,14 @@ fn a_resumed_run_goes_on_in_its_own_table() {
     let part = folder.path().join("part.csv");
     let rows = without_times(&part);
     // A run that has ended is only evaluated again.
-    run(&with(&["--resume", "run.safetensors", "--max-updates", "1000", "--csv", "part.csv"]));
-    assert_eq!(without_times(&part), rows);
+    let ended = ["--resume", "run.safetensors", "--save", "run.safetensors", "--csv", "part.csv"];
+    let evaluations = || {
+        let history = train::read_history(&folder.path().join("run.safetensors")).unwrap().1;
+        history.evaluations().len()
+    };
+    assert_eq!(evaluations(), 4);
+    run(&with(&[&ended[..], &["--max-updates", "1000"]].concat()));
+    assert_eq!((without_times(&part), evaluations()), (rows, 4));
     let (whole, saved) = (
         std::fs::read_to_string(folder.path().join("whole.csv")).unwrap(),
         std::fs::read_to_string(&part).unwrap(),
@@ -177,12 +184,19 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         let mut args =
             with(&["--resume", "run.safetensors", "--max-updates", "1300", "--csv", "part.csv"]);
         args.extend(overwrite.then_some("--overwrite"));
-        run(&args);
+        assert!(!run(&args).contains("has no rows"), "{more}");
         let mut rows = without_times(&part);
         // The first session's last evaluation, which the other run did not make.
         rows.retain(|row| row[0] != "evaluation" || row[1] != "1000");
         assert_eq!(rows, without_times(&folder.path().join("whole.csv")), "{more}, {overwrite}");
     }
+    // What no table has is said.
+    std::fs::write(&part, saved.as_str()).unwrap();
+    let late = ["--resume", "run.safetensors", "--save", "late.safetensors"];
+    run(&with(&[&late[..], &["--max-updates", "2000"]].concat()));
+    let late = ["--resume", "late.safetensors", "--max-updates", "2001", "--csv", "part.csv"];
+    let said = run(&with(&late));
+    assert!(said.contains("part.csv: has no rows of updates 1,000 to 2,000"), "{said}");
     // Neither another run's table nor anything else is continued.
     run(&with(&["trap", "--seed", "2", "--max-updates", "1000", "--csv", "other.csv"]));
     std::fs::write(folder.path().join("notes.txt"), "mine\n").unwrap();

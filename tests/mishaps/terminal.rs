@@ -222,6 +222,11 @@ fn in_the_background_it_trains_on_leaves_the_terminal_to_the_shell_and_ends_on_a
     shell.press("fg\r");
     shell.wait(|shell| shell.count(OPENED) == 2);
     shell.wait_for("training");
+    // The shell gives the terminal away before it sends SIGCONT, which would end a stop in between.
+    shell.wait(|shell| {
+        let state = state_of(shell.child.process_id().unwrap());
+        state.starts_with('S') && !state.contains('+')
+    });
     shell.press("\x1a");
     shell.wait(|_| state_of(id).starts_with('T'));
     shell.press("bg\r");

@@ -7,7 +7,7 @@ mod command;
 mod snapshot;
 
 use std::fs::File;
-use std::ops::{ControlFlow, Deref};
+use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -21,8 +21,8 @@ use crate::env::EnvError;
 use crate::job::{Job, Running, Stopwatch};
 use crate::text::grouped;
 use crate::train::{
-    Due, EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Tick, TrainError,
-    Trainer, TrainingLoop,
+    EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Tick, TrainError,
+    Trainer, TrainingEvent, TrainingLoop,
 };
 pub use command::{EngineCommand, MakeWorld};
 pub use snapshot::{EngineNotice, Networks, NextEvaluation, Phase, Snapshot, Step};
@@ -179,7 +179,7 @@ impl Deref for Engine {
 
 struct RunningEvaluation {
     made: Moment,
-    running: Running<Result<Option<Evaluation>, EnvError>>,
+    running: Running<Result<Evaluation, EnvError>>,
 }
 
 struct TrainingThread {
@@ -265,23 +265,22 @@ impl TrainingThread {
         let mut timer = PublishTimer::new(&self.trainer);
         while self.process_commands() {
             let episodes = self.trainer.counters().episodes;
-            let tick = match self.session.tick(&mut self.trainer, &self.current.limits)? {
-                ControlFlow::Continue(tick) => tick,
-                // The engine is being stopped.
-                ControlFlow::Break(EndReason::Interrupted) => return Ok(()),
-                ControlFlow::Break(_) => {
-                    self.current.phase = Phase::Done;
-                    self.refresh_snapshot(true)?;
-                    continue;
+            let tick = loop {
+                match self.session.next(&mut self.trainer, &self.current.limits)? {
+                    TrainingEvent::Recovery(recovery) => self.on_recovery(recovery),
+                    TrainingEvent::Evaluation => self.evaluation_is_due = true,
+                    TrainingEvent::Progress | TrainingEvent::Edit(_) | TrainingEvent::Save => {}
+                    TrainingEvent::Ticked(tick) => break Some(tick),
+                    // The engine is being stopped.
+                    TrainingEvent::Ended(EndReason::Interrupted) => return Ok(()),
+                    TrainingEvent::Ended(_) => break None,
                 }
             };
-            while let Some(due) = self.session.next_due() {
-                match due {
-                    Due::Recovery(recovery) => self.on_recovery(recovery),
-                    Due::Evaluation => self.evaluation_is_due = true,
-                    Due::Progress | Due::Edit(_) | Due::Save => {}
-                }
-            }
+            let Some(tick) = tick else {
+                self.current.phase = Phase::Done;
+                self.refresh_snapshot(true)?;
+                continue;
+            };
             // Unless the latest one ended only recently.
             let is_time = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
             if self.evaluation_is_due && is_time {
@@ -421,8 +420,8 @@ impl TrainingThread {
         let pause = (self.evaluation_pause * duration).min(MAX_PAUSE.max(duration));
         self.next_evaluation_at = Some(now + pause);
         match running.join() {
-            Ok(Ok(None)) => {}
-            Ok(Ok(Some(evaluation))) if evaluation.is_finite() => {
+            Ok(Err(EnvError::Stopped)) => {}
+            Ok(Ok(evaluation)) if evaluation.is_finite() => {
                 self.trainer.record_evaluation(made, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }

@@ -59,6 +59,9 @@ impl Preset {
     }
 }
 
+/// The heading of those that matter most, which are listed first.
+pub const USUAL: &str = "usual";
+
 /// The groups of settings, in the order in which they are listed.
 pub(crate) const GROUPS: [&str; 8] =
     ["networks", "targets", "batches", "optimiser", "agents", "exploration", "bridges", "planning"];
@@ -88,6 +91,8 @@ pub struct Setting {
     pub name: &'static str,
     pub group: &'static str,
     pub about: &'static str,
+    /// Of those that matter most: what it does to success, as measured; empty for all others.
+    pub usual: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
     pub values: Values,
@@ -113,11 +118,17 @@ impl Setting {
         name: "",
         group: GROUPS[0],
         about: "",
+        usual: "",
         unit: "",
         values: Values::SWITCH,
         effect: Effect::Immediate,
         ablation: None,
     };
+
+    /// The group under which it is listed for people.
+    pub fn heading(&self) -> &'static str {
+        if self.usual.is_empty() { self.group } else { USUAL }
+    }
 }
 
 /// A setting that is derived from the run unless it is given. In JSON, `"auto"` or the value.

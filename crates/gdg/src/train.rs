@@ -22,7 +22,7 @@ mod visits;
 
 use crate::env::EnvError;
 use crate::learn::LearnError;
-pub use crate::settings::{Effect, Preset, Setting};
+pub use crate::settings::{Effect, Preset, Setting, USUAL};
 use crate::store::StoreError;
 pub use checkpoint::{
     CheckpointError, RunDescription, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
@@ -47,7 +47,7 @@ pub use settings_file::{
     settings_from, settings_from_text, settings_in_world, with_setting,
 };
 pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
-pub use training_loop::{Due, EvaluateAt, Schedule, TrainingLoop};
+pub use training_loop::{EvaluateAt, Schedule, TrainingEvent, TrainingLoop};
 
 impl From<candle_core::Error> for TrainError {
     fn from(error: candle_core::Error) -> Self {

@@ -117,6 +117,8 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     // A checkpoint of a run that had read the file before contains its data.
     assert!(state(&whole).contains_key("replay"));
     assert!(whole.take_warnings().concat().contains("walks.npz has changed or is gone"));
+    assert!(whole.take_warnings().is_empty(), "said once");
+    assert!(state(&whole).contains_key("replay"));
     // Nor are they ignored while the run's own are there.
     let named = folder.path().join("named.npz");
     std::fs::rename(&file, &named).unwrap();
@@ -204,11 +206,16 @@ fn wrong_arrays_are_refused_with_the_place_and_what_would_be_right() {
         let next = Tensor::full(f32::NAN, (4, 2), &Device::Cpu).unwrap();
         arrays.push(("next_observations", next));
     };
-    let cases: [(Change, &str); 11] = [
+    let rounded = |arrays: &mut Arrays| {
+        let next = arrays[0].1.to_dtype(DType::F16).unwrap();
+        arrays.push(("next_observations", next));
+    };
+    let cases: [(Change, &str); 12] = [
         (&with(0, f32::NAN), "observations[2, 1] is NaN: it must be finite"),
         (&with(1, 1.5), "actions[2, 1] is 1.5: it must be in [-1, 1]"),
         (&unclear, "terminals[1] is NaN: it must be 1 in the last row of an episode, and else 0"),
         (&next, "next_observations[0, 0] is NaN"),
+        (&rounded, "next_observations and observations differ in precision: save both as float32"),
         (&replaced(0, &[4, 29]), "observations have shape [4, 29]: to fit the world"),
         (&replaced(1, &[3, 2]), "actions have shape [3, 2]: to fit the world"),
         (&short, "timeouts have shape [3]: to fit the world"),
@@ -297,11 +304,9 @@ fn what_a_map_does_not_allow_is_left_out_and_never_a_goal() {
 fn transitions(change: impl Fn(&mut Arrays)) -> (Vec<[Vec<f32>; 2]>, usize) {
     let folder = tempfile::tempdir().unwrap();
     let data = read(&written(folder.path(), change)).unwrap();
-    let (mut pairs, mut before) = (Vec::new(), None);
-    data.replay(1, || vec![0.0, 0.0]).visit_rows(|state, _, is_last| {
-        pairs.extend(before.take().map(|before| [before, state.to_vec()]));
-        before = (!is_last).then(|| state.to_vec());
-    });
+    let mut pairs = Vec::new();
+    let replay = data.replay(1, || vec![0.0, 0.0]);
+    replay.visit_steps(|from, to| pairs.push([from, to].map(<[f32]>::to_vec)));
     assert_eq!(pairs.len(), data.source().transitions);
     (pairs, data.source().episodes)
 }
@@ -314,7 +319,8 @@ fn pairs(all: &[[[f32; 2]; 2]]) -> Vec<[Vec<f32>; 2]> {
 fn time_that_is_up_and_the_end_of_the_file_end_an_episode_too() {
     let ends = |rows: [f64; 4]| Tensor::new(&rows, &Device::Cpu).unwrap();
     let expected = (pairs(&[[[0.5, 0.5], [1.5, 0.5]], [[1.5, 0.5], [2.5, 0.5]]]), 2);
-    for name in ["timeouts", "truncations"] {
+    assert_eq!(transitions(|arrays| arrays[2].0 = "dones"), expected, "there are no terminals");
+    for name in ["timeouts", "truncations", "dones"] {
         let found = transitions(|arrays| {
             arrays[2].1 = ends([0.0; 4]);
             arrays.push((name, ends([0.0, 1.0, 0.0, 1.0])));
@@ -322,6 +328,12 @@ fn time_that_is_up_and_the_end_of_the_file_end_an_episode_too() {
         assert_eq!(found, expected, "{name}");
     }
     assert_eq!(transitions(|arrays| arrays[2].1 = ends([0.0, 1.0, 0.0, 0.0])), expected);
+    let folder = tempfile::tempdir().unwrap();
+    let is_endless = |last| {
+        let file = written(folder.path(), |arrays| arrays[2].1 = ends([0.0, 0.0, 0.0, last]));
+        read(&file).unwrap().is_endless
+    };
+    assert_eq!([0.0, 1.0].map(is_endless), [true, false], "nothing says that it is one episode");
 }
 
 #[test]

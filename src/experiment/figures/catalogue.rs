@@ -100,7 +100,7 @@ const RANDOM: Entry =
 
 /// The local optimum: one goal, and what the published algorithms leave open, the same for all four
 /// curves of the paper. One choice departs from the paper: errors are those of sqrt(D), as D grows to
-/// a thousand behind the wall (see `docs/paper.md`).
+/// a thousand behind the wall (see `docs/research/paper.md`).
 const ONE_GOAL: &[&str] = &[
     "goals=map",
     "near_goals=0",

@@ -252,12 +252,15 @@ fn mean(seeds: &BTreeMap<u64, Points>, [_, end]: [f64; 2]) -> Vec<Point> {
 }
 
 fn interpolated(points: &Points, x: f64) -> Option<f64> {
-    let next = points.iter().position(|point| point.0 >= x)?;
-    let (to, right) = points[next];
-    if to == x || next == 0 {
-        return Some(right);
+    // Of several at one place, the last: what the run had come to.
+    if let Some((_, value)) = points.iter().rfind(|point| point.0 == x) {
+        return Some(*value);
     }
-    let (from, left) = points[next - 1];
+    let next = points.iter().position(|point| point.0 > x)?;
+    let (to, right) = points[next];
+    let Some((from, left)) = next.checked_sub(1).map(|before| points[before]) else {
+        return Some(right);
+    };
     Some(left + (right - left) * (x - from) / (to - from))
 }
 

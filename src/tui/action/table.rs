@@ -3,15 +3,11 @@
 use std::time::Instant;
 
 use super::{Action as A, Binding, Both, ListAction, Mode, Section};
+use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
-use crate::tui::dialog::{Dialog, Help};
-use crate::tui::export_kind::ExportKind;
 use crate::tui::interface::TerminalRequest;
 use crate::tui::lists;
-use crate::tui::overlay::Overlay;
-use crate::tui::panes::Pane;
-use crate::tui::session::{Session, change_run, disk, saving, time, view};
-use crate::tui::tool::Tool;
+use crate::tui::session::{Session, change_run, disk, saving, watching};
 use gdg::engine::Step;
 
 /// A row for an action that `run` performs.
@@ -48,9 +44,20 @@ const fn watch(
     bind(action, name, keys, run).watching()
 }
 
+/// Has the scene perform an action.
+fn act_in_scene(session: &mut Session, action: A) {
+    session.cx.scene.act(action, &mut session.cx.screen);
+}
+
+/// The same for the goal, after which nobody needs a hint how to set it.
+fn act_on_goal(session: &mut Session, action: A) {
+    session.screen.explains = false;
+    act_in_scene(session, action);
+}
+
 /// A row for an action that the scene performs.
 const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(action, name, keys, |s, action| s.act_in_scene(action))
+    bind(action, name, keys, act_in_scene)
 }
 
 const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
@@ -59,12 +66,12 @@ const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str
 
 /// A row for an overlay.
 const fn overlay(overlay: Overlay, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    watch(A::Toggle(overlay), name, keys, |s, action| view::toggle_overlay(s, action)).each()
+    watch(A::Toggle(overlay), name, keys, |s, action| watching::toggle_overlay(s, action)).each()
 }
 
 /// A row for a pane.
 const fn pane(pane: Pane, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(A::Show(pane), name, keys, |s, action| view::show(s, action)).watching()
+    bind(A::Show(pane), name, keys, |s, action| watching::show(s, action)).watching()
 }
 
 /// A row for an action of the editor.
@@ -95,7 +102,7 @@ impl Binding {
             return session.screen.notify(&text);
         }
         if self.is_about_present {
-            time::leave_past(session);
+            watching::leave_past(session);
         }
         let (began, dialogs) = (Instant::now(), session.screen.dialogs.len());
         (self.run)(session, self.action);
@@ -166,24 +173,24 @@ pub const SECTIONS: &[Section] = &[
 ];
 
 const TRAINING: &[Binding] = &[
-    bind(A::TogglePause, "pause", &["space"], |s, _| time::toggle_pause(s))
+    bind(A::TogglePause, "pause", &["space"], |s, _| watching::toggle_pause(s))
         .about("pause or resume training", "stop halt continue unpause play start run go wait")
         .short("pause")
         .own(Comparison::toggle_pause),
-    bind(A::StepUpdate, "step-update", &["."], |s, _| time::step(s, Step::Update))
+    bind(A::StepUpdate, "step-update", &[], |s, _| watching::step(s, Step::Update))
         .about("run one update, then pause", "single step advance gradient")
         .each(),
-    bind(A::StepEpisode, "step-episode", &[","], |s, _| time::step(s, Step::Episode))
+    bind(A::StepEpisode, "step-episode", &[], |s, _| watching::step(s, Step::Episode))
         .about("train until an episode ends, then pause", "next step advance")
         .each(),
-    bind(A::Faster, "faster", &[">"], |s, _| time::change_speed(s, true))
+    bind(A::Faster, "faster", &[">"], |s, _| watching::change_speed(s, true))
         .about("more updates per second", "speed fast quick rate limit unlimited accelerate max"),
-    bind(A::Slower, "slower", &["<"], |s, _| time::change_speed(s, false))
+    bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
-    watch(A::Freeze, "freeze", &["shift-f"], |s, _| s.screen.frozen = !s.screen.frozen)
+    watch(A::Freeze, "freeze", &[], |s, _| s.screen.frozen = !s.screen.frozen)
         .about("freeze the screen while training continues", "still hold lock display")
         .each(),
-    bind(A::Evaluate, "evaluate", &["y"], |s, _| time::evaluate(s))
+    bind(A::Evaluate, "evaluate", &["y"], |s, _| watching::evaluate(s))
         .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
     watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| change_run::ask_to_restart(s))
@@ -199,7 +206,7 @@ const TRAINING: &[Binding] = &[
 ];
 
 const GOAL_AND_AGENT: &[Binding] = &[
-    watch(A::NewGoal, "new-goal", &["n"], Session::act_on_goal)
+    watch(A::NewGoal, "new-goal", &["n"], act_on_goal)
         .about("a random new goal (or click on the map)", "target destination next change set")
         .short("goal")
         .own(Comparison::new_goal)
@@ -208,7 +215,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
     towards(A::Move(0, 1), "down", &["down", "j"]).help("move the goal or cursor down").in_lists(),
     towards(A::Move(0, -1), "up", &["up", "k"]).help("move the goal or cursor up").in_lists(),
     towards(A::Move(1, 0), "right", &["right", "l"]).help("move the goal or cursor right"),
-    watch_scene(A::NewStart, "new-start", &["w"])
+    watch_scene(A::NewStart, "new-start", &[])
         .about("put @ at a random place (right-click: at that cell)", "start agent walker")
         .own(Comparison::new_start)
         .in_present(),
@@ -216,27 +223,27 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .about("put @ at the cursor or goal", "start agent walker position teleport")
         .own(Comparison::start_here)
         .in_present(),
-    watch(A::GoalHere, "goal-here", &["enter"], Session::act_on_goal)
+    watch(A::GoalHere, "goal-here", &["enter"], act_on_goal)
         .about("put the goal at the cursor", "target set")
         .own(Comparison::move_goal)
         .in_present(),
-    watch(A::OnArrival, "on-arrival", &["t"], |s, _| view::next_on_arrival(s))
+    watch(A::OnArrival, "on-arrival", &["t"], |s, _| watching::next_on_arrival(s))
         .about("when @ arrives: restart, visit other goals, or stay", "tour loop repeat")
         .own(Comparison::next_on_arrival),
 ];
 
 /// A row for an arrow key.
 const fn towards(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
-    bind(action, name, keys, Session::act_on_goal).own(Comparison::move_goal)
+    bind(action, name, keys, act_on_goal).own(Comparison::move_goal)
 }
 
 const VIEW: &[Binding] = &[
-    watch(A::Field(true), "next-field", &["v"], |s, _| view::next_field(s, true))
+    watch(A::Field(true), "next-field", &["v"], |s, _| watching::next_field(s, true))
         .about("colour the map by the next quantity", "view field distance heatmap visits error")
         .short("view")
         .own(Comparison::next_field)
         .in_present(),
-    watch(A::Field(false), "previous-field", &["shift-v"], |s, _| view::next_field(s, false))
+    watch(A::Field(false), "previous-field", &["shift-v"], |s, _| watching::next_field(s, false))
         .about("colour the map by the previous quantity", "view field distance heatmap back")
         .own(Comparison::next_field)
         .in_present(),
@@ -276,10 +283,10 @@ const VIEW: &[Binding] = &[
     scene(A::Pan(0, 1), "pan-down", &["shift-down", "alt-down"])
         .about("pan the map downwards", "scroll")
         .each(),
-    watch(A::Back, "back-in-time", &["["], |s, _| time::step_through_film(s, false))
+    watch(A::Back, "back-in-time", &["["], |s, _| watching::step_through_film(s, false))
         .about("go back in time: what was learned by then", "past history film rewind earlier")
         .each(),
-    watch(A::Forth, "forth-in-time", &["]"], |s, _| time::step_through_film(s, true))
+    watch(A::Forth, "forth-in-time", &["]"], |s, _| watching::step_through_film(s, true))
         .about("go forward in time, up to the present", "future now film later next travel movie")
         .each(),
     watch_scene(A::Projection, "projection", &["shift-p"])
@@ -287,7 +294,7 @@ const VIEW: &[Binding] = &[
         .short("projection"),
     watch_scene(A::Alone, "alone", &["shift-z"])
         .about("show the chosen projection alone, or all", "single full"),
-    watch(A::Marker, "marker", &["m"], |s, _| view::change_marker(s))
+    watch(A::Marker, "marker", &["m"], |s, _| watching::change_marker(s))
         .about("pixels, half blocks or quadrants", "characters symbols resolution font")
         .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
@@ -302,17 +309,20 @@ const PANES: &[Binding] = &[
     pane(Pane::Walk, "walk", &["3"]).about("the walking agent", "pane panel"),
     pane(Pane::Legend, "legend", &["4"])
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
-    pane(Pane::Log, "log", &["5"])
-        .about("event log", "messages events history notices errors pane panel"),
-    bind(A::NextPane, "next-pane", &["tab"], |s, _| view::show_next(s))
+    bind(A::NextPane, "next-pane", &["tab"], |s, _| watching::show_next(s))
         .about("select the next pane", "panel tab switch")
         .short("panes"),
     watch(A::Maximise, "maximise", &["z"], |s, _| s.screen.maximised = !s.screen.maximised)
         .about("maximise or restore the pane", "maximize full screen fullscreen enlarge large"),
+    watch(A::Messages, "messages", &["5"], |s, _| match lists::messages(s.screen.log.entries()) {
+        Some(list) => s.open(list),
+        None => s.screen.say("no messages yet"),
+    })
+    .about("all messages of this run, the latest first", "log events history notices errors"),
     bind(A::Scroll(-1), "scroll-back", &["pageup"], |s, _| s.screen.scroll(-1))
-        .about("scroll curves and log back", "page up earlier"),
+        .about("scroll curves back", "page up earlier"),
     bind(A::Scroll(1), "scroll-on", &["pagedown"], |s, _| s.screen.scroll(1))
-        .about("scroll curves and log forward", "page down later"),
+        .about("scroll curves forward", "page down later"),
 ];
 
 const MAP_EDITOR: &[Binding] = &[
@@ -360,21 +370,15 @@ const PROGRAM: &[Binding] = &[
     bind(A::EndTour, "end-tour", &["esc"], |s, _| s.guide.end(&mut s.cx))
         .help("end the tour")
         .within(Mode::Touring),
-    bind(A::Palette, "palette", &[":", "ctrl-p"], |s, _| {
-        s.open(lists::actions(&s.screen, &s.scene));
-    })
-    .about("find an action by name", "command search")
-    .short("all")
-    .own(Comparison::open_palette),
-    bind(A::Help, "help", &["?", "f1"], |s, _| {
+    bind(A::Help, "help", &["?", ":", "f1", "ctrl-p"], |s, _| {
         s.screen.explains = false;
-        s.open(Dialog::Help(Help::default()));
+        s.open(lists::help(&s.screen, &s.scene));
     })
-    .about("show or hide this help", "keys shortcuts manual documentation bindings usage")
+    .about("this help: all actions, settings and numbers", "keys command search manual bindings")
     .short("help")
     .own(Comparison::open_help)
     .in_lists(),
-    bind(A::Close, "close", &["esc"], |s, _| view::close_top(s))
+    bind(A::Close, "close", &["esc"], |s, _| watching::close_top(s))
         .about("close the topmost dialog or mode", "cancel back escape")
         .own(Comparison::close_top)
         .in_lists(),
@@ -394,9 +398,8 @@ const PROGRAM: &[Binding] = &[
 ];
 
 const COMPARISON: &[Binding] = &[
-    beside(A::Axis, "axis", &["g"], |comparison, _| comparison.axis = comparison.axis.next())
-        .help("curves over environment steps, seconds or updates")
-        .short("axis"),
+    beside(A::Axis, "axis", &[], |comparison, _| comparison.axis = comparison.axis.next())
+        .help("curves over environment steps, seconds or updates (or click on their title)"),
     beside(A::NextLarger, "next-larger", &["tab"], Comparison::next_larger)
         .help("left or right side larger, or both equal")
         .short("size"),

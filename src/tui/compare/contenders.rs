@@ -86,15 +86,15 @@ pub fn prepare(
     progress: &Job,
 ) -> Result<Contestants, Report> {
     check(options)?;
+    if let [Contender::Checkpoint(a), Contender::Checkpoint(b)] = options.contenders() {
+        check_same([a, b])?;
+    }
     let load = |own: usize| {
         progress.begin(own, LETTERS.len());
         let path = options.contenders()[own].checkpoint();
         path.map(|path| load(path, options, registry)).transpose()
     };
     let saved = [load(0)?, load(1)?];
-    if let [Some(a), Some(b)] = &saved {
-        check_same([a, b])?;
-    }
     let found = saved.iter().flatten().next();
     let beside = found.map(|(trainer, map)| (map.clone(), trainer.run().seed));
     let contestant = |own: usize, saved: Option<(Trainer, Arc<Grid>)>| {
@@ -159,15 +159,20 @@ fn without_map(path: &Path) -> Report {
     miette!(help = help, "{}: is of a world without a map", path.display())
 }
 
-fn check_same(both: [&(Trainer, Arc<Grid>); 2]) -> Result<(), Report> {
-    let [a, b] = both.map(|(_, map)| (map.width(), map.free()));
-    if a == b {
+/// Checks that two saved runs are on one map, by what their files say before anything is loaded.
+fn check_same(files: [&Path; 2]) -> Result<(), Report> {
+    // Loading tells what else is wrong with a file.
+    let on_map =
+        |file| train::read_history(file).ok().filter(|(of, _)| of.world == maze::KIND.name);
+    let [Some(a), Some(b)] = files.map(on_map) else { return Ok(()) };
+    if a.0.fingerprint == b.0.fingerprint {
         return Ok(());
     }
     let help = "only runs on the same map can be compared, as goals and starts apply to both";
-    let [a, b] = both.map(|(trainer, map)| {
-        let edited = if trainer.history().edits().is_empty() { "" } else { ", edited" };
-        format!("{} ({} x {}{edited})", sanitized(map.name()), map.width(), map.height())
+    let [a, b] = [a, b].map(|(found, history)| {
+        let edited = if history.edits().is_empty() { "" } else { ", edited" };
+        let size = found.fingerprint.as_deref().and_then(|facts| facts.split(", ").next());
+        format!("{} ({}{edited})", sanitized(&found.title), size.unwrap_or_default())
     });
     Err(miette!(help = help, "the checkpoints are of different maps: {a} and {b}"))
 }

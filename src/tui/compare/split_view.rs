@@ -22,15 +22,15 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{Comparison, LETTERS, maze_of};
 use crate::tui::action::{Action, Mode};
-use crate::tui::layer::draw_dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::short;
-use crate::tui::render::pane_chart::{self, ChartLine, PaneCurve};
-use crate::tui::render::{curves, finish_frame, footer, too_small};
+use crate::tui::render::curves::{Axes, ChartLine, PaneCurve, chart_heading, draw_chart};
+use crate::tui::render::dialog::draw_dialog;
+use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::scene::SceneKind;
+use crate::tui::screen::success_of;
 use crate::tui::session::{Cx, Session};
-use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::theme::{ColourDepth, blend};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
 use gdg::train::Evaluation;
@@ -92,8 +92,8 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     }
     draw_curves(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
-    let Cx { screen, scene, .. } = &comparison.sessions[0].cx;
-    draw_dialog(frame, screen, scene, &mut drawn[0]);
+    let Cx { screen, .. } = &comparison.sessions[0].cx;
+    draw_dialog(frame, screen, &mut drawn[0]);
     finish_frame(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
     let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
@@ -165,20 +165,20 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
     if let Some(notice) = notice {
         let at = if is_editing { Rect { y: 0, ..area } } else { area };
-        footer::draw_notice(frame, at, &screen.theme, notice);
+        bars::draw_notice(frame, at, &screen.theme, notice);
     }
     if is_editing {
         let editor = &comparison.maze(comparison.editor_at).editor;
-        footer::editing(screen, editor, area.width).draw(frame, area, layout);
+        bars::editing(screen, editor, area.width).draw(frame, area, layout);
     } else if comparison.notice().is_none() {
-        footer::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
+        bars::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
     }
 }
 
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
     let session = &comparison.sessions[own];
     let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.reach);
-    let (success, latest) = (session.screen.success(), snapshot.evaluations.last());
+    let (success, latest) = (success_of(snapshot), snapshot.evaluations.last());
     let unknown = || "-".to_owned();
     let rate = |rate: f64| format!("{rate:.2}");
     let plans = session.screen.run().method.plans();
@@ -275,7 +275,7 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
     let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
-    let lines = pane_chart::heading(&title, all.iter().map(PaneCurve::label), area.width);
+    let lines = chart_heading(&title, all.iter().map(PaneCurve::label), area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     layout.add(head, Click::Act(Action::Axis));
@@ -296,6 +296,6 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let upright = |points| ChartLine { style: BOLD, marker: Marker::Braille, points };
     let uprights = moments.iter().map(|points| upright(&points[..]));
     let y_labels = ["0.0".to_owned(), "1.0".to_owned()];
-    let axes = pane_chart::Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
-    pane_chart::draw(frame, body, axes, lines.chain(uprights));
+    let axes = Axes { x: [0.0, last], over: comparison.axis, y: [0.0, 1.0], y_labels };
+    draw_chart(frame, body, axes, lines.chain(uprights));
 }

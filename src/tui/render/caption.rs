@@ -13,8 +13,7 @@ use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::wrapped;
 use crate::tui::scene::MazeState;
 use crate::tui::screen::{Screen, ShownStep};
-use crate::tui::style::{BOLD, REVERSED};
-use crate::tui::theme::ColourDepth;
+use crate::tui::theme::{BOLD, ColourDepth, REVERSED};
 
 /// Widths of the box that are tried, in columns, and what border and padding take.
 const WIDTHS: [u16; 4] = [40, 34, 30, 48];

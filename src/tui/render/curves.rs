@@ -1,19 +1,19 @@
-//! Curves over updates: success and coverage, errors of D, losses.
+//! Curves over updates: success and coverage, errors of D, losses; and charts: lines over an axis, below
+//! their names.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Paragraph;
+use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
 use super::ScreenPainter;
-use super::pane_chart::{self, ChartLine, PaneCurve};
 use crate::experiment::plot::Axis;
 use crate::tui::layout::ChartArea;
+use crate::tui::pane_text::{fitted_lines, short};
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, DIM};
-use crate::tui::theme::{ColourDepth, Theme, blend};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, Theme, blend};
 use gdg::env::DistanceUnit;
 use gdg::train::{DistanceScore, Evaluation};
 
@@ -155,7 +155,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
         names.extend(of_marks.iter().map(|name| Span::styled(format!("  {MARK} {name}"), DIM)));
     }
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let heading = pane_chart::heading(&Span::styled(title, BOLD), names.into_iter(), area.width);
+    let heading = chart_heading(&Span::styled(title, BOLD), names.into_iter(), area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
             .areas(area);
@@ -187,8 +187,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
         y => format!("{y:.3}"),
     };
     let y = [low, high];
-    let axes = pane_chart::Axes { x, over: axis(screen), y, y_labels: y.map(label) };
-    let area = pane_chart::draw(frame, body, axes, lines);
+    let axes = Axes { x, over: axis(screen), y, y_labels: y.map(label) };
+    let area = draw_chart(frame, body, axes, lines);
     Some(ChartArea { area, bounds: x })
 }
 
@@ -276,4 +276,111 @@ pub fn colour(theme: &Theme, i: usize) -> Style {
     // On a light page, thin lines must be darker than areas.
     let rgb = if theme.page.is_some() { blend(rgb, (0, 0, 0), 0.45) } else { rgb };
     Style::new().fg(theme.colour(rgb))
+}
+
+/// Maximum lines for a chart's title and the names of its curves.
+const MAX_NAME_LINES: usize = 2;
+
+pub struct PaneCurve {
+    pub name: String,
+    pub style: Style,
+    pub marker: Marker,
+    pub points: Vec<(f64, f64)>,
+}
+
+impl PaneCurve {
+    /// Returns its sign and its name, for a heading.
+    pub fn label(&self) -> Span<'static> {
+        let sign = if let Marker::Custom(sign) = self.marker { sign } else { '\u{2500}' };
+        Span::styled(format!("  {sign} {}", self.name), self.style)
+    }
+
+    pub fn line(&self) -> ChartLine<'_> {
+        let Self { style, marker, points, .. } = self;
+        ChartLine { style: *style, marker: *marker, points }
+    }
+}
+
+pub struct ChartLine<'a> {
+    pub style: Style,
+    pub marker: Marker,
+    pub points: &'a [(f64, f64)],
+}
+
+/// Returns a chart's title, followed by the names of its curves, in two lines at most.
+pub fn chart_heading(
+    title: &Span<'static>,
+    names: impl Iterator<Item = Span<'static>>,
+    width: u16,
+) -> Vec<Line<'static>> {
+    let mut lines = vec![Line::from(title.clone())];
+    for name in names {
+        let used = lines.last().map_or(0, Line::width);
+        if used + name.width() > usize::from(width) && lines.len() < MAX_NAME_LINES {
+            lines.push(Line::default());
+        }
+        lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
+    }
+    fitted_lines(lines, width)
+}
+
+pub struct Axes {
+    /// The bounds across, and what they count.
+    pub x: [f64; 2],
+    pub over: Axis,
+    /// The bounds upwards, and their labels.
+    pub y: [f64; 2],
+    pub y_labels: [String; 2],
+}
+
+/// Draws lines over axes; returns the area of the lines.
+pub fn draw_chart<'a>(
+    frame: &mut Frame,
+    area: Rect,
+    Axes { x, over, y, y_labels }: Axes,
+    lines: impl Iterator<Item = ChartLine<'a>>,
+) -> Rect {
+    let inner = lines_area(area, &x.map(short), &y_labels);
+    let set = |line: ChartLine<'a>| {
+        // A single fine dot would be hard to see.
+        let is_dot = line.points.len() == 1 && line.marker == Marker::Braille;
+        let marker = if is_dot { Marker::Dot } else { line.marker };
+        let set = Dataset::default().marker(marker).graph_type(GraphType::Line);
+        set.style(line.style).data(line.points)
+    };
+    let [from, to] = x.map(short);
+    // Ratatui gives each of the labels the same width, after a blank, and cuts what is longer.
+    let room = |labels: u16| usize::from(inner.width / labels);
+    let fits = |unit: &&str| unit.len().max(to.len()) < room(3);
+    let x_labels = match [over.label(), over.name()].into_iter().find(fits) {
+        Some(unit) => vec![from, unit.to_owned(), to],
+        None if to.len() <= room(2) => vec![from, to],
+        None => vec![String::new(); 2],
+    };
+    let axis = widgets::Axis::default().style(DIM);
+    let x_axis = axis.clone().bounds(x).labels(x_labels);
+    let y_axis = axis.bounds(y).labels(y_labels);
+    let chart = Chart::new(lines.map(set).collect()).x_axis(x_axis).y_axis(y_axis);
+    frame.render_widget(chart.legend_position(None::<LegendPosition>), area);
+    inner
+}
+
+/// Returns the area within a chart that ratatui leaves for lines: to the right of the labels, of
+/// which the first one below may begin under the axis, and of the axis; above the other axis and
+/// its labels.
+fn lines_area(area: Rect, x_labels: &[String; 2], y_labels: &[String; 2]) -> Rect {
+    let width = |label: &String| Line::raw(label.as_str()).width();
+    let left = y_labels
+        .iter()
+        .map(width)
+        .chain([width(&x_labels[0]).saturating_sub(1)])
+        .max()
+        .unwrap_or(0);
+    let left = (left as u16).min(area.width / 3) + 1;
+    Rect {
+        x: area.x + left.min(area.width),
+        width: area.width.saturating_sub(left),
+        height: area.height.saturating_sub(2),
+        ..area
+    }
 }

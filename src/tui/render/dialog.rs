@@ -1,4 +1,4 @@
-//! Lists to pick from and questions to answer.
+//! Dialogs above a run or a comparison: lists to pick from, and questions to answer.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Position, Rect};
@@ -8,11 +8,11 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
 use super::{middle, without_slivers};
-use crate::tui::dialog::{Item, Picker, PickerRow, Prompt};
+use crate::tui::dialog::{Dialog, Item, Picker, PickerRow, Prompt};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::{BOLD, DIM, REVERSED};
 use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.
@@ -27,8 +27,19 @@ const MIN_ROWS: u16 = 5;
 const LABEL_MARGIN: usize = 3;
 const KEY_MARGIN: usize = 2;
 
+/// Draws the topmost dialog, if there is one, and records where it is.
+pub fn draw_dialog(frame: &mut Frame, screen: &Screen, layout: &mut ScreenLayout) {
+    let Some(top) = screen.dialogs.last() else { return };
+    // What is below a dialog does not react to clicks.
+    layout.forget_clicks();
+    match top {
+        Dialog::Pick(picker) => draw_picker(frame, picker, layout),
+        Dialog::Ask(prompt) => draw_prompt(frame, screen, prompt, layout),
+    }
+}
+
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the
-/// list.
+/// list. While something is typed, the box ends below the matches.
 pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout) {
     let area = frame.area();
     let width = usize::from(without_slivers(area, list_width(picker, area.width) as u16));
@@ -37,13 +48,15 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     let rows = picker.rows();
     let search_rows = u16::from(!picker.is_question());
     let height = MAX_LIST_SIZE.1.min(area.height.saturating_sub(2));
-    let most_rows = u16::try_from(picker.most_rows()).unwrap_or(u16::MAX);
+    let all_rows = u16::try_from(rows.len().max(1)).unwrap_or(u16::MAX);
     let room = height.saturating_sub(2 + search_rows);
-    let text = lines_above(picker, columns, room.saturating_sub(MIN_ROWS.min(most_rows)));
+    let text = lines_above(picker, columns, room.saturating_sub(MIN_ROWS.min(all_rows)));
     let above = text.len() as u16;
     let below = rows_below(picker, columns, labels).min(room.saturating_sub(above + MIN_ROWS));
-    let wanted = most_rows.saturating_add(2 + search_rows + above + below);
-    let dialog_area = middle(area, width as u16, height.min(wanted));
+    let wanted = all_rows.saturating_add(2 + search_rows + above + below);
+    let top = if picker.is_question() { height.min(wanted) } else { height };
+    let dialog_area = middle(area, width as u16, top);
+    let dialog_area = Rect { height: height.min(wanted), ..dialog_area };
     let inner = draw_box(frame, dialog_area, &picker.title, layout);
     let [top, line, list, below] = Layout::vertical([
         Constraint::Length(above),
@@ -80,7 +93,8 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
 fn lines_above(picker: &Picker, columns: usize, most: u16) -> Vec<Line<'static>> {
     let room = usize::from(most).saturating_sub(1);
     let columns = columns.saturating_sub(2).max(1);
-    let lines = picker.text.lines().flat_map(|line| wrapped(line, columns)).collect();
+    let text = if picker.typed().0.is_empty() { &picker.text } else { "" };
+    let lines = text.lines().flat_map(|line| wrapped(line, columns)).collect();
     let mut lines = first_lines(lines, room, columns);
     if !lines.is_empty() {
         lines.push(String::new());
@@ -111,15 +125,12 @@ fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
     columns.saturating_sub(display_width(&item.label).max(labels) + LABEL_MARGIN + key)
 }
 
-/// Returns the rows for the full text of any item, and a line above it; none if all fit.
+/// Returns the rows for the full text of what is selected, and a line above it; none if it fits.
 fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
-    if picker.items().all(|item| fits(item, labels, columns)) {
-        return 0;
+    match text_below(picker, columns, labels).len() as u16 {
+        0 => 0,
+        rows => 1 + rows,
     }
-    if picker.is_question() {
-        return 1 + text_below(picker, columns, labels).len() as u16;
-    }
-    picker.items().map(|item| 1 + full_text(item, columns).len() as u16).max().unwrap_or(0)
 }
 
 fn fits(item: &Item, labels: usize, columns: usize) -> bool {
@@ -183,7 +194,7 @@ fn draw_search(frame: &mut Frame, line: Rect, picker: &Picker) {
     set_cursor(frame, line, 2 + cursor);
 }
 
-pub fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
+fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
     let area = frame.area();
     let width = without_slivers(area, MAX_PROMPT_WIDTH);
     let (text, style) = match &prompt.error {

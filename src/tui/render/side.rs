@@ -3,7 +3,6 @@
 
 pub mod training;
 
-use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -11,12 +10,12 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{ScreenPainter, curves};
 use crate::tui::action::Action;
+use crate::tui::choices::Pane;
 use crate::tui::layout::{Click, ClickableLine};
-use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fitted_lines, short, wrapped};
-use crate::tui::panes::Pane;
+use crate::tui::pane_text::{EXPLAINED_WIDTH, explain, fitted_lines};
 use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, DIM, REVERSED};
+use crate::tui::theme::{BOLD, DIM, REVERSED};
 
 /// Minimum rows for two panes below each other, and for three.
 const TWO_PANE_ROWS: u16 = 30;
@@ -52,7 +51,7 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     }
 }
 
-/// Returns the areas of panes: text takes what it needs, curves and log share the rest.
+/// Returns the areas of panes: text takes what it needs, curves the rest.
 fn stack(area: Rect, panes: &[Pane], screen: &Screen, scene: &Scene) -> Vec<Rect> {
     let mut left = area.height;
     let height = |pane: &Pane| match lines(*pane, screen, scene, area.width.saturating_sub(1)) {
@@ -79,7 +78,7 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
             Some(lines)
         }
         Pane::Legend => Some(scene.legend_lines(screen)),
-        Pane::Curves | Pane::Log => None,
+        Pane::Curves => None,
     }
 }
 
@@ -91,7 +90,6 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
         Pane::Curves => "curves",
         Pane::Walk => "walk @ \u{2192} G",
         Pane::Legend => "legend",
-        Pane::Log => "event log",
     };
     let style = if pane == screen.pane { BOLD } else { Style::new() };
     let mut block = Block::new()
@@ -106,10 +104,9 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let mut clicks = Vec::new();
-    match (pane, lines(pane, screen, scene, inner.width)) {
-        (Pane::Curves, _) => curves::draw(page, inner),
-        (_, None) => draw_log(frame, inner, screen),
-        (_, Some(lines)) => {
+    match lines(pane, screen, scene, inner.width) {
+        None => curves::draw(page, inner),
+        Some(lines) => {
             let rows = inner.rows().zip(&lines);
             let click = |(row, line): (Rect, &Line)| {
                 let asks = pane == Pane::Training && line.to_string().starts_with(" next ");
@@ -127,19 +124,18 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
     clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
-/// Draws the names of the panes with their keys: closer together where room is short, without
-/// the plural, or only the keys of those that are not selected.
+/// Draws the names of the panes with their keys: closer together where room is short, or only the
+/// keys of those that are not selected.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
     });
-    let formats: [fn(&str, &str, bool) -> String; 5] = [
+    let formats: [fn(&str, &str, bool) -> String; 4] = [
         |key, name, _| format!(" {key} {name} "),
         |key, name, _| format!("{key} {name} "),
         |key, name, _| format!("{key}{name} "),
-        |key, name, _| format!("{key}{} ", name.trim_end_matches('s')),
         |key, name, chosen| if chosen { format!(" {key} {name} ") } else { format!(" {key} ") },
     ];
     let text = |format: fn(&str, &str, bool) -> String| {
@@ -165,25 +161,4 @@ fn tabs(page: &mut ScreenPainter, area: Rect) {
         );
     }
     bar.draw(frame, area, layout);
-}
-
-/// Draws as many entries as fit, wrapped; scrolling moves by half the height.
-fn draw_log(frame: &mut Frame, area: Rect, screen: &Screen) {
-    let width = usize::from(area.width).saturating_sub(2).max(8);
-    let mut lines: Vec<Line> = Vec::new();
-    for entry in screen.log.entries() {
-        let when = format!(" {} at {}", clock(entry.seconds), short(entry.updates as f64));
-        lines.push(Line::from(Span::styled(when, DIM)));
-        lines.extend(
-            wrapped(&entry.text, width).into_iter().map(|text| Line::from(format!("  {text}"))),
-        );
-    }
-    if lines.is_empty() {
-        lines.push(Line::styled(" no events yet", DIM));
-    }
-    let height = usize::from(area.height);
-    let most = lines.len().saturating_sub(height);
-    let back = (screen.scrolled * (height / 2).max(1)).min(most);
-    let from = most - back;
-    frame.render_widget(Paragraph::new(lines.split_off(from)), area);
 }

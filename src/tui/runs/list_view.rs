@@ -25,12 +25,13 @@ use super::list::List;
 use crate::experiment::plot::Measure;
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
+use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::pane_text::{fitted_line, wrapped};
-use crate::tui::render::pane_chart::{self, PaneCurve};
-use crate::tui::render::{curves, finish_frame, footer, help, too_small};
-use crate::tui::style::{BOLD, DIM, REVERSED};
-use crate::tui::theme::Theme;
+use crate::tui::render::curves::{Axes, PaneCurve, chart_heading, draw_chart};
+use crate::tui::render::dialog::draw_picker;
+use crate::tui::render::{bars, curves, finish_frame, too_small};
+use crate::tui::theme::{BOLD, DIM, REVERSED, Theme};
 use gdg::text::{counted, display_width, fitted, fitted_file, grouped, sanitized};
 use gdg::train::{Preset, list_settings};
 
@@ -95,9 +96,9 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
         _ => draw_settings(frame, inner, &runs, &screen.theme),
     }
     footer(frame, foot, screen, layout);
-    if let Some(shown) = &screen.help {
+    if let Some(Dialog::Pick(help)) = &screen.help {
         layout.forget_clicks();
-        help::draw_for_lists(frame, &screen.keymap, shown, layout);
+        draw_picker(frame, help, layout);
     }
     finish_frame(frame, &screen.theme);
     places
@@ -258,11 +259,8 @@ fn draw_curves(
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
     let title = format!(" {} over {}", measure.label(), axis.label());
-    let heading = pane_chart::heading(
-        &Span::styled(title, BOLD),
-        all.iter().map(PaneCurve::label),
-        area.width,
-    );
+    let heading =
+        chart_heading(&Span::styled(title, BOLD), all.iter().map(PaneCurve::label), area.width);
     let [head, body] =
         Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
             .areas(area);
@@ -283,9 +281,9 @@ fn draw_curves(
     let high = if is_share { 1.0 } else { points().map(|point| point.1).fold(0.01, f64::max) };
     let y_labels = [0.0, high]
         .map(|y| if is_share { format!("{y:.1}") } else { format!("{:.0} %", 100.0 * y) });
-    let axes = pane_chart::Axes { x: [0.0, last], over: axis, y: [0.0, high], y_labels };
+    let axes = Axes { x: [0.0, last], over: axis, y: [0.0, high], y_labels };
     // The first ones last, on top.
-    pane_chart::draw(frame, body, axes, all.iter().rev().map(PaneCurve::line));
+    draw_chart(frame, body, axes, all.iter().rev().map(PaneCurve::line));
 }
 
 /// Returns the names in which runs differ, each with its value in every run; of a single run, all
@@ -307,10 +305,17 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
             run.problem.as_ref().map_or(String::new(), |at| format!("line {}", &at[1..]))
         }),
     ];
-    let circumstances = CIRCUMSTANCES.iter().enumerate().map(|(i, name)| {
-        let name = if *name == "edit" { "map edited" } else { name };
-        row(name, &|run| run.circumstances()[i].clone().unwrap_or_default())
+    let edits = row("map edited", &|run| match &run.edits[..] {
+        [] => String::new(),
+        [(at, _)] => format!("at {}", grouped(*at)),
+        [.., (last, _)] => format!("{}x to {}", run.edits.len(), grouped(*last)),
     });
+    let circumstances = CIRCUMSTANCES
+        .iter()
+        .enumerate()
+        .skip(1)
+        .map(|(i, name)| row(name, &|run| run.circumstances()[i].clone().unwrap_or_default()));
+    let circumstances = [edits].into_iter().chain(circumstances);
     // A setting's value is the run's own, or else its preset's.
     let value = |run: &SavedRun, name: &str| {
         let of = |name: &str| own(run).find(|(own, _)| *own == name).map(|(_, value)| value);
@@ -362,7 +367,7 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
         return frame.render_widget(fitted_line(text, area.width), area);
     }
     if let Some(notice) = screen.log.notice() {
-        return footer::draw_notice(frame, area, &screen.theme, notice);
+        return bars::draw_notice(frame, area, &screen.theme, notice);
     }
     if screen.is_typing {
         let text = " type words that runs must have   Enter keeps them   Esc shows all runs";
@@ -377,7 +382,7 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
         bindings().filter(is_shown).map(|b| (b.action, b.short))
     };
     let keys = named(true).chain(named(false)).collect();
-    footer::fitting(keys, &screen.keymap, area.width, false).draw(frame, area, layout);
+    bars::fitting(keys, &screen.keymap, area.width, false).draw(frame, area, layout);
     layout.add(Rect { height: 1, ..layout.screen }, Click::Act(Action::Help));
 }
 

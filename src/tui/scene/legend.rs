@@ -11,12 +11,11 @@ use super::ground::MAX_SHOWN_ERROR;
 use crate::tui::action::Action;
 use crate::tui::canvas::SHADES;
 use crate::tui::characters::{CANDIDATE_MARK, UNVISITED_MARK};
+use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::overlay::Overlay;
 use crate::tui::pane_text::{fact, fitted_line, heading, short, wrapped};
 use crate::tui::screen::Screen;
-use crate::tui::style::DIM;
-use crate::tui::theme::{ColourDepth, Rgb, Theme};
+use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme};
 use gdg::bridge::EdgeStatus;
 use gdg::text::{counted, grouped};
 use gdg::viewer::{Field, Graph, Reach};
@@ -226,13 +225,18 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         )),
     }
     let key = |action| screen.keymap.key_of(action);
+    let start = if scene.offers(Action::StartHere) {
+        key(Action::StartHere) + " or "
+    } else {
+        String::new()
+    };
     lines.extend([
         heading("walks"),
         fact("arrivals", format!("{} of {}", reach.finished.0, reach.finished.1)),
         fact("then", screen.on_arrival.name()),
         Line::default(),
         Line::from(format!(" {} or click: new goal", key(Action::NewGoal))),
-        Line::from(format!(" {} or right-click: new start", key(Action::NewStart))),
+        Line::from(format!(" {start}right-click: new start")),
     ]);
     lines
 }

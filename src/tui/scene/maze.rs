@@ -1,29 +1,33 @@
 //! Mazes, seen from above.
 
-mod act;
 mod editor;
+mod facts;
 mod map_pixels;
 
+use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use crossterm::event::{MouseButton, MouseEventKind};
+use rand::RngExt;
 use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 
 use super::SceneKind;
-use super::legend::{contour_text, draw_scale, edge_lines, sample, sign};
-use super::overlays::{FRONTIER_SIGN, MAX_EDGES, TRAIL_MARK};
+use super::legend::{contour_text, draw_scale};
 use crate::tui::action::Action;
+use crate::tui::dialog::{Prompt, Question};
 use crate::tui::layout::ScreenLayout;
-use crate::tui::link::TrainerLink;
-use crate::tui::pane_text::{fitted_line, short};
+use crate::tui::pane_text::fitted_line;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb};
-use crate::tui::viewport::Viewport;
-pub use act::{maze_on, place_walker};
+use crate::tui::viewport::{MapFrame, Viewport};
 pub use editor::Editor;
-use gdg::bridge::EdgeStatus;
+use editor::offset_cell;
+use facts::{cell_facts, legend, scaled_down_text};
+use gdg::engine::{EngineCommand, MakeWorld};
+use gdg::env::PointMaze;
+use gdg::files::named;
 use gdg::map::{Cell, Grid};
 use gdg::viewer::{OnArrival, Plane, Request, View, cell_of_goal};
 pub use map_pixels::Cache;
@@ -70,6 +74,15 @@ impl MazeState {
         self.view.reach.way.iter().filter_map(|at| at.first_chunk().copied()).collect()
     }
 }
+
+/// Zoom factor of one wheel step.
+const WHEEL_ZOOM_FACTOR: f32 = 1.25;
+
+/// The fewest cells shown across at maximum zoom.
+const MIN_VISIBLE_CELLS: f32 = 4.0;
+
+/// Share of the visible part that panning moves by.
+const PAN_SHARE: f32 = 0.2;
 
 pub const NOUN: &str = "map";
 
@@ -140,7 +153,7 @@ impl SceneKind for MazeState {
         draw_scale(frame, info, self, screen, &texts);
     }
 
-    fn start(&mut self, screen: &mut Screen, link: &mut TrainerLink) {
+    fn start(&mut self, screen: &mut Screen) {
         let Some(scene) = screen.snapshot.scene.maze() else { return };
         let map = scene.map.clone();
         // A new run on a drawn map leaves it in no file.
@@ -150,34 +163,35 @@ impl SceneKind for MazeState {
         self.map = map.clone();
         self.editor.clear_history();
         self.viewport = Viewport::default();
-        self.inspect(None, link);
+        self.inspect(None, screen);
         let method = screen.run().method.name();
         let (name, width, height) = (map.name(), map.width(), map.height());
         let text = format!("{method} on {name}, {width} x {height} cells");
         screen.log.record(&text, screen.snapshot.seconds, screen.snapshot.updates());
         let saved = cell_of_goal(&screen.snapshot.notes.goal, &map);
-        let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell(link));
-        self.set_goal(goal, screen, link);
+        let goal =
+            saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell(screen));
+        self.set_goal(goal, screen);
     }
 
-    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink) {
+    fn act(&mut self, action: Action, screen: &mut Screen) {
         let at_cursor = self.inspecting.unwrap_or(self.goal);
         match action {
             Action::NewGoal => {
-                let cell = self.random_cell(link);
-                self.set_goal(cell, screen, link);
+                let cell = self.random_cell(screen);
+                self.set_goal(cell, screen);
             }
-            Action::Move(dx, dy) => self.move_by([dx, dy], screen, link),
-            Action::GoalHere => self.set_goal(at_cursor, screen, link),
-            Action::StartHere => place_walker(Some(at_cursor), screen, link),
-            Action::NewStart => place_walker(None, screen, link),
+            Action::Move(dx, dy) => self.move_by([dx, dy], screen),
+            Action::GoalHere => self.set_goal(at_cursor, screen),
+            Action::StartHere => place_walker(Some(at_cursor), screen),
+            Action::NewStart => place_walker(None, screen),
             Action::ZoomIn => self.zoom(1.5, None, &screen.layout),
             Action::ZoomOut => self.zoom(1.0 / 1.5, None, &screen.layout),
             Action::ZoomOff => self.zoom(0.0, None, &screen.layout),
             Action::Pan(dx, dy) => self.pan(dx, dy, &screen.layout),
             Action::Inspect => {
                 let at = self.inspecting.is_none().then_some(self.goal);
-                self.inspect(at, link);
+                self.inspect(at, screen);
                 if at.is_some() {
                     let [goal, close] = [Action::GoalHere, Action::Close]
                         .map(|action| screen.keymap.key_of(action));
@@ -185,22 +199,16 @@ impl SceneKind for MazeState {
                 }
             }
             Action::SaveMap => self.ask_file(screen),
-            _ => self.edit(action, screen, link),
+            _ => self.edit(action, screen),
         }
     }
 
-    fn on_mouse(
-        &mut self,
-        kind: MouseEventKind,
-        at: Position,
-        screen: &mut Screen,
-        link: &mut TrainerLink,
-    ) -> bool {
+    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) -> bool {
         let Some(frame) = &screen.layout.map.clone() else { return false };
         let drawing = self.editor.is_drawing();
         // A stroke that leaves the map continues along its edge.
         let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) {
-            act::nearest_within(frame.area, at)
+            nearest_within(frame.area, at)
         } else {
             at
         };
@@ -211,12 +219,12 @@ impl SceneKind for MazeState {
         }
         let layout = &screen.layout;
         match kind {
-            MouseEventKind::Moved => self.hover(cell, link),
+            MouseEventKind::Moved => self.hover(cell, screen),
             MouseEventKind::ScrollUp if cell.is_some() => {
-                self.zoom(act::WHEEL_ZOOM_FACTOR, Some(at), layout);
+                self.zoom(WHEEL_ZOOM_FACTOR, Some(at), layout);
             }
             MouseEventKind::ScrollDown if cell.is_some() => {
-                self.zoom(1.0 / act::WHEEL_ZOOM_FACTOR, Some(at), layout);
+                self.zoom(1.0 / WHEEL_ZOOM_FACTOR, Some(at), layout);
             }
             MouseEventKind::Down(MouseButton::Middle) => self.dragged_from = Some(at),
             MouseEventKind::Drag(MouseButton::Middle) => {
@@ -230,37 +238,37 @@ impl SceneKind for MazeState {
             MouseEventKind::Up(_) if self.editor.is_open() => {
                 let new = self.editor.finish(&self.map.clone());
                 let refusal = self.editor.tool.refusal().filter(|_| drawing);
-                self.change_map_or_say(new, ["", refusal.unwrap_or_default()], screen, link);
+                self.change_map_or_say(new, ["", refusal.unwrap_or_default()], screen);
             }
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
                 let Some(cell) = cell else { return false };
-                self.on_click(cell, screen, link);
+                self.on_click(cell, 'G', screen);
             }
             MouseEventKind::Down(MouseButton::Right) => {
                 let Some(cell) = cell else { return false };
-                self.place_walker_by_click(cell, screen, link);
+                self.on_click(cell, '@', screen);
             }
             _ => return false,
         }
         true
     }
 
-    fn close(&mut self, link: &TrainerLink) -> bool {
+    fn close(&mut self, screen: &mut Screen) -> bool {
         if self.editor.is_open() {
             self.editor.close();
         } else if self.inspecting.is_some() {
-            self.inspect(None, link);
+            self.inspect(None, screen);
         } else {
             return false;
         }
         true
     }
 
-    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &TrainerLink) {
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen) {
         match &screen.layout.map {
             Some(frame) if before.map.as_ref() != Some(frame) => {
                 let planes = Arc::new(vec![Plane::of_maze(frame.raster)]);
-                link.request(Request::Planes(planes));
+                screen.request(Request::Planes(planes));
             }
             Some(_) => {}
             // The map is hidden behind a maximised pane.
@@ -268,87 +276,285 @@ impl SceneKind for MazeState {
         }
     }
 
-    fn show(&mut self, view: Arc<View>, screen: &mut Screen, link: &TrainerLink) {
+    fn show(&mut self, view: Arc<View>, screen: &mut Screen) {
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal
         // request.
         if let (Some(goal), number) = &view.goal
             && screen.on_arrival == OnArrival::Visit
-            && *number == link.goal_request
+            && *number == screen.goal_request
             && let Some(cell) = cell_of_goal(goal, &self.map)
         {
             self.goal = cell;
         }
         self.view = view;
-        self.warn_of_cut_off_goal(screen, link);
+        self.warn_of_cut_off_goal(screen);
     }
 }
 
-/// Describes the cell under the cursor or the mouse, walls and D first.
-fn cell_facts(maze: &MazeState, cell: Cell) -> String {
-    let place = format!("cell {},{}", cell.x, cell.y);
-    if !maze.map.is_free(cell) {
-        return format!(" {place}: wall");
-    }
-    let Some(facts) = maze.view.inspected.filter(|facts| facts.cell == cell) else {
-        return format!(" {place}");
-    };
-    let learned = facts.learned;
-    let visits = facts.visits.map(|visits| format!(", {} visits", short(f64::from(visits))));
-    let visits = visits.unwrap_or_default();
-    match facts.truth {
-        // There is no relative error of zero steps.
-        Some(0) => format!(" {place}: D {learned:.1}, true 0 ({learned:+.1} steps){visits}"),
-        Some(truth) => {
-            let error = 100.0 * (learned - truth as f32) / truth as f32;
-            format!(" {place}: D {learned:.1}, true {truth} ({error:+.0} %){visits}")
+/// What keys and the mouse ask for: edits, goals, zooming and panning.
+impl MazeState {
+    fn edit(&mut self, action: Action, screen: &mut Screen) {
+        let map = self.map.clone();
+        if matches!(action, Action::ToggleEdit | Action::Tool(_)) {
+            screen.banner = Some(Instant::now());
         }
-        None => format!(" {place}: D {learned:.1}, no path to G"),
+        match action {
+            Action::ToggleEdit => self.toggle_edit(screen),
+            Action::Tool(tool) => {
+                if !self.editor.is_open() {
+                    self.toggle_edit(screen);
+                }
+                self.editor.select_tool(tool);
+            }
+            Action::Apply => {
+                let new = self.editor.apply(&map);
+                let refusal = self.editor.tool.refusal();
+                self.change_map_or_say(new, ["", refusal.unwrap_or_default()], screen);
+            }
+            Action::Undo => {
+                let new = self.editor.undo();
+                self.change_map_or_say(new, ["undone: ", "nothing to undo"], screen);
+            }
+            Action::Redo => {
+                let new = self.editor.redo();
+                self.change_map_or_say(new, ["redone: ", "nothing to redo"], screen);
+            }
+            _ => {}
+        }
+    }
+
+    fn ask_file(&self, screen: &mut Screen) {
+        let stem = self.map.name().trim_end_matches("-edited");
+        let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
+        let hint = "NAME.map: Moving AI, without S and G; NAME.txt: plain text";
+        screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
+    }
+
+    fn random_cell(&self, screen: &mut Screen) -> Cell {
+        let cells: Vec<Cell> = self.map.free_cells().collect();
+        cells[screen.rng.random_range(0..cells.len())]
+    }
+
+    /// Puts the goal at `cell`, or at the free cell nearest to it.
+    pub fn set_goal(&mut self, cell: Cell, screen: &mut Screen) {
+        if let Some(cell) = self.map.nearest_free(cell) {
+            screen.return_to_present();
+            self.goal = cell;
+            let request = Request::Goal(Some(cell.centre().to_vec()), screen.next_goal_request());
+            screen.request(request);
+        }
+    }
+
+    fn inspect(&mut self, cell: Option<Cell>, screen: &mut Screen) {
+        self.inspecting = cell;
+        screen.request(Request::Inspect(cell.or(self.hovered)));
+    }
+
+    pub fn change_map(&mut self, map: Option<Arc<Grid>>, screen: &mut Screen) {
+        self.change_map_or_say(map, [""; 2], screen);
+    }
+
+    /// Switches to `map`, with a notice that begins with `done`, or says why there is `nothing`.
+    pub fn change_map_or_say(
+        &mut self,
+        map: Option<Arc<Grid>>,
+        [done, nothing]: [&'static str; 2],
+        screen: &mut Screen,
+    ) {
+        let Some(map) = map else {
+            if !nothing.is_empty() {
+                screen.notify(nothing);
+            }
+            return;
+        };
+        if !screen.command(EngineCommand::ChangeWorld(maze_on(map.clone()), done)) {
+            return;
+        }
+        self.editor.settle(&self.map, &map);
+        self.map = map;
+        if !self.map.is_free(self.goal) {
+            self.set_goal(self.goal, screen);
+        }
+    }
+
+    fn toggle_edit(&mut self, screen: &mut Screen) {
+        if self.editor.is_open() {
+            self.editor.close();
+        } else {
+            self.editor.cursor = Some(self.inspecting.unwrap_or(self.goal));
+            self.inspect(None, screen);
+        }
+    }
+
+    /// Moves the editor's cursor, the inspecting one or the goal, right and down.
+    fn move_by(&mut self, by: [isize; 2], screen: &mut Screen) {
+        if self.editor.is_open() {
+            self.editor.move_cursor(by, &self.map.clone());
+        } else if let Some(at) = self.inspecting {
+            self.inspect(Some(offset_cell(at, by, &self.map)), screen);
+        } else {
+            self.move_goal(by, screen);
+        }
+        self.scroll_into_view(&screen.layout);
+    }
+
+    /// Moves the goal to the next free cell in that direction, jumping over walls.
+    fn move_goal(&mut self, [dx, dy]: [isize; 2], screen: &mut Screen) {
+        let mut at = self.goal;
+        loop {
+            at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
+            if !self.map.contains(at) {
+                return;
+            }
+            if self.map.is_free(at) {
+                return self.set_goal(at, screen);
+            }
+        }
+    }
+
+    /// Warns if no path leads from the walking agent to the goal, once per goal and map.
+    fn warn_of_cut_off_goal(&mut self, screen: &mut Screen) {
+        let view = &self.view;
+        let no_path = view.goal.1 == screen.goal_request && view.reach.shortest.is_none();
+        let warned = |(goal, cut_off): &(u64, Arc<Vec<bool>>)| {
+            *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off)
+        };
+        if no_path && view.cut_off.contains(&true) && !self.warned_of.as_ref().is_some_and(warned) {
+            self.warned_of = Some((view.goal.1, view.cut_off.clone()));
+            screen.notify("no path leads from @ to G: walls separate them");
+        }
+    }
+
+    /// Puts the goal, or @, where the user has clicked, or near it with a notice if that is a wall.
+    fn on_click(&mut self, cell: Cell, sign: char, screen: &mut Screen) {
+        if sign == '@' {
+            place_walker(Some(cell), screen);
+        } else {
+            (self.hovered, screen.explains) = (None, false);
+            if self.goal != cell {
+                self.set_goal(cell, screen);
+            }
+        }
+        if let Some(near) = self.map.nearest_free(cell).filter(|near| *near != cell) {
+            let (wall, at) = (format!("{},{}", cell.x, cell.y), format!("{},{}", near.x, near.y));
+            screen.notify(&format!("{wall} is a wall: {sign} is at the nearest free cell, {at}"));
+        }
+    }
+
+    fn drag_map(&mut self, from: Position, to: Position, layout: &ScreenLayout) {
+        let Some(scale) = layout.map.as_ref().map(MapFrame::scale) else { return };
+        let moved = |from: u16, to: u16| f32::from(from) - f32::from(to);
+        self.pan_by([moved(from.x, to.x) / scale, 2.0 * moved(from.y, to.y) / scale], layout);
+        self.dragged_from = Some(to);
+    }
+
+    /// Shows the part of the map clicked on the minimap; returns whether it was clicked.
+    fn is_on_minimap(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> bool {
+        let Some(minimap) = layout.minimap.as_ref().filter(|minimap| minimap.area.contains(at))
+        else {
+            return false;
+        };
+        if matches!(
+            kind,
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
+        ) {
+            self.viewport.centre = minimap.middle_of(at);
+            self.clamp_viewport(layout);
+            return true;
+        }
+        false
+    }
+
+    /// Describes the cell under the mouse, unless a cursor is shown.
+    pub fn hover(&mut self, cell: Option<Cell>, screen: &mut Screen) {
+        if self.hovered != cell {
+            self.hovered = cell;
+            if self.inspecting.is_none() {
+                screen.request(Request::Inspect(cell));
+            }
+        }
+    }
+
+    /// Magnifies the map by a factor, keeping the place under `at` (by default the cursor or the
+    /// goal) fixed; 0 shows the whole map.
+    fn zoom(&mut self, by: f32, at: Option<Position>, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let cursor = self.inspecting.or(self.editor.cursor).unwrap_or(self.goal).centre();
+        let fixed = at.map_or(cursor, |at| frame.middle_of(at));
+        let at = at.or(frame.character_of(fixed));
+        let most = (self.map.width().max(self.map.height()) as f32 / MIN_VISIBLE_CELLS).max(1.0);
+        let zoom = (self.viewport.zoom * by).clamp(1.0, most);
+        if zoom < 1.01 {
+            self.viewport = Viewport::default();
+            return;
+        }
+        // A character is twice as high as wide.
+        let scale = frame.scale() * zoom / self.viewport.zoom;
+        let pane = layout.map_pane;
+        let off = at.map_or([0.0; 2], |at| {
+            let from_middle = |at: u16, from: u16, size: u16| {
+                f32::from(at) + 0.5 - f32::from(from) - f32::from(size) / 2.0
+            };
+            let down = from_middle(at.y, pane.y, pane.height.saturating_sub(1));
+            [from_middle(at.x, pane.x, pane.width) / scale, 2.0 * down / scale]
+        });
+        self.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
+    }
+
+    fn pan(&mut self, dx: isize, dy: isize, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let [_, _, width, height] = frame.raster.window;
+        self.pan_by([PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32], layout);
+    }
+
+    fn pan_by(&mut self, [across, down]: [f32; 2], layout: &ScreenLayout) {
+        self.viewport.centre[0] += across;
+        self.viewport.centre[1] += down;
+        self.clamp_viewport(layout);
+    }
+
+    /// Keeps the visible part within the map, so that panning back takes effect at once.
+    fn clamp_viewport(&mut self, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let [_, _, width, height] = frame.raster.window;
+        let within = |middle: f32, shown: f32, all: f32| {
+            middle.min(all - shown / 2.0).max((shown / 2.0).min(all / 2.0))
+        };
+        let [x, y] = self.viewport.centre;
+        let (all_x, all_y) = (self.map.width() as f32, self.map.height() as f32);
+        self.viewport.centre =
+            [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
+    }
+
+    /// Moves the visible part, if necessary, to show the cursor or else the goal.
+    fn scroll_into_view(&mut self, layout: &ScreenLayout) {
+        let Some(frame) = &layout.map else { return };
+        let at = self.editor.cursor.or(self.inspecting).unwrap_or(self.goal).centre();
+        let [left, top, width, height] = frame.raster.window;
+        let inside = at[0] >= left && at[1] >= top && at[0] < left + width && at[1] < top + height;
+        if self.viewport.zoom > 1.0 && !inside {
+            self.viewport.centre = at;
+        }
     }
 }
 
-fn scaled_down_text(screen: &Screen, layout: &ScreenLayout) -> String {
-    let cells = layout.map.as_ref().map_or(0.0, |map| match screen.picture_character() {
-        Some(character) => 1.0 / (map.scale() * f32::from(character.0)),
-        None => map.raster.cells_per_pixel(),
-    });
-    if cells > 1.01 { format!(", 1 dot = {cells:.1} cells") } else { String::new() }
+/// Returns a function that builds the maze on `map` with the run's settings and scenario.
+pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
+    Box::new(|world| {
+        Ok(match PointMaze::downcast_ref(world) {
+            Some(maze) => Box::new(maze.with_map(map)),
+            None => Box::new(PointMaze::new(map, 0)),
+        })
+    })
 }
 
-fn legend(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
-    let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
-    let pairs = [
-        [('G', theme.goal, "goal"), ('S', theme.walker, "start of @")],
-        [('@', theme.walker, "walks to G"), ('s', theme.cursor, "g: map's own")],
-    ];
-    let mut lines: Vec<Line> = pairs.iter().map(|pair| signs(screen, pair)).collect();
-    if screen.run().method.bridges() {
-        lines.push(sign(screen, FRONTIER_SIGN, theme.frontier, "frontier goals of agents"));
-    }
-    if maze.view.cut_off.contains(&true) {
-        lines.push(sign(screen, '\\', theme.cursor, "hatched: no path to G"));
-    }
-    let trail = (if mono { TRAIL_MARK } else { '\u{2500}' }, theme.walker, "trail of @");
-    let frontier = ('\u{2500}', theme.frontier, "frontier");
-    let has_edge = !mono && !maze.view.exploration.is_complete(&maze.map);
-    lines.push(signs(screen, &[trail, frontier][..=usize::from(has_edge)]));
-    if screen.run().method.plans() {
-        let graph = &maze.view.graph;
-        let tried = graph.count(EdgeStatus::Confirmed) + graph.count(EdgeStatus::Demoted);
-        let walked = if tried > MAX_EDGES { "walked, near cursor" } else { "edges walked" };
-        lines.extend(edge_lines(screen, graph, [walked, "failed", "untried, not shown"]));
-    }
-    lines
+/// Puts the walking agent at a cell, or at a random place.
+pub fn place_walker(cell: Option<Cell>, screen: &mut Screen) {
+    screen.return_to_present();
+    screen.request(Request::Start(cell.map(|cell| cell.centre().to_vec())));
 }
 
-fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
-    let mut line = Line::default();
-    for (symbol, rgb, meaning) in all {
-        let gap = if line.spans.is_empty() { " " } else { "  " };
-        line.extend([
-            Span::raw(gap),
-            sample(screen, *symbol, *rgb),
-            Span::raw(format!(" {meaning}")),
-        ]);
-    }
-    line
+fn nearest_within(area: Rect, at: Position) -> Position {
+    let within = |at: u16, from: u16, size: u16| at.clamp(from, from + size.saturating_sub(1));
+    Position::new(within(at.x, area.x, area.width), within(at.y, area.y, area.height))
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::tui::canvas::{Canvas, Ink};
 use crate::tui::characters::CANDIDATE_MARK;
-use crate::tui::overlay::Overlay;
+use crate::tui::choices::Overlay;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{Rgb, Theme};
 use gdg::bridge::EdgeStatus;

@@ -12,13 +12,11 @@ use ratatui::text::Line;
 
 use super::{Cache, SceneKind};
 use crate::tui::action::{Action, Binding};
+use crate::tui::choices::{Overlay, Pane};
 use crate::tui::layout::ScreenLayout;
-use crate::tui::link::TrainerLink;
-use crate::tui::overlay::Overlay;
 use crate::tui::pane_text::{fact, heading};
-use crate::tui::panes::Pane;
-use crate::tui::projection::{Angle, Camera, Projection, ShownAngles, has_room};
 use crate::tui::screen::Screen;
+use crate::tui::viewport::{Angle, Camera, Projection, ShownAngles, has_room};
 use gdg::engine::Snapshot;
 use gdg::env::{GoalSpace, WorldScene};
 use gdg::viewer::{Field, Request, View};
@@ -102,25 +100,25 @@ impl SpaceState {
 }
 
 impl SpaceState {
-    fn draw_goal(&mut self, screen: &mut Screen, link: &mut TrainerLink) {
+    fn draw_goal(&mut self, screen: &mut Screen) {
         if let WorldScene::Arm(arm) = &screen.snapshot.scene {
-            let goal = arm.random_goal(&mut link.rng).to_vec();
-            return self.set_goal(goal, screen, link);
+            let goal = arm.random_goal(&mut screen.rng).to_vec();
+            return self.set_goal(goal, screen);
         }
-        link.return_to_present(screen);
-        let request = Request::Goal(None, link.next_goal_request());
-        link.request(request);
+        screen.return_to_present();
+        let request = Request::Goal(None, screen.next_goal_request());
+        screen.request(request);
     }
 
     /// Sets the goal: of an arm, to the valid position nearest to it.
-    pub fn set_goal(&mut self, goal: Vec<f32>, screen: &mut Screen, link: &mut TrainerLink) {
-        link.return_to_present(screen);
+    pub fn set_goal(&mut self, goal: Vec<f32>, screen: &mut Screen) {
+        screen.return_to_present();
         self.goal = match (&screen.snapshot.scene, <[f32; 3]>::try_from(&*goal)) {
             (WorldScene::Arm(arm), Ok(at)) => arm.nearest_goal(at).to_vec(),
             _ => goal,
         };
-        let request = Request::Goal(Some(self.goal.clone()), link.next_goal_request());
-        link.request(request);
+        let request = Request::Goal(Some(self.goal.clone()), screen.next_goal_request());
+        screen.request(request);
     }
 
     fn show_next_pair(&mut self, screen: &mut Screen) {
@@ -132,7 +130,7 @@ impl SpaceState {
         }
     }
 
-    fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen, link: &mut TrainerLink) {
+    fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen) {
         let Some(plane) = self.chosen(&screen.layout).map(|shown| &shown.plane) else { return };
         if self.goal.is_empty() {
             return;
@@ -141,7 +139,7 @@ impl SpaceState {
         let by = if self.is_arm { NUDGE } else { NUDGE_SHARE * width.min(height) };
         let [x, y] = plane.flat(&self.goal);
         let goal = plane.point([x + by * right, y + by * down], &self.goal);
-        self.set_goal(goal, screen, link);
+        self.set_goal(goal, screen);
     }
 
     /// Moves what is shown, to the right and downwards.
@@ -310,7 +308,7 @@ impl SceneKind for SpaceState {
         planes::draw(frame, areas, self, screen, layout);
     }
 
-    fn start(&mut self, screen: &mut Screen, link: &mut TrainerLink) {
+    fn start(&mut self, screen: &mut Screen) {
         *self = Self {
             shown: ShownAngles { camera: Camera::default(), ..self.shown },
             ..Self::of(&screen.snapshot)
@@ -322,18 +320,18 @@ impl SceneKind for SpaceState {
         let saved = screen.snapshot.notes.goal.clone();
         let count = space(screen).map_or(3, |space| space.spec().goal_dim());
         if saved.len() == count {
-            self.set_goal(saved, screen, link);
+            self.set_goal(saved, screen);
         } else {
-            self.draw_goal(screen, link);
+            self.draw_goal(screen);
         }
     }
 
-    fn act(&mut self, action: Action, screen: &mut Screen, link: &mut TrainerLink) {
+    fn act(&mut self, action: Action, screen: &mut Screen) {
         match action {
-            Action::NewGoal => self.draw_goal(screen, link),
-            Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen, link),
-            Action::StartHere => link.request(Request::Start(Some(self.goal.clone()))),
-            Action::NewStart => link.request(Request::Start(None)),
+            Action::NewGoal => self.draw_goal(screen),
+            Action::Move(dx, dy) => self.nudge([dx as f32, dy as f32], screen),
+            Action::StartHere => screen.request(Request::Start(Some(self.goal.clone()))),
+            Action::NewStart => screen.request(Request::Start(None)),
             Action::Projection if self.is_arm => self.shown.angle = self.shown.angle.next(),
             Action::Projection => self.show_next_pair(screen),
             Action::Alone if has_room(screen.layout.map_pane) => {
@@ -356,17 +354,11 @@ impl SceneKind for SpaceState {
         }
     }
 
-    fn close(&mut self, _link: &TrainerLink) -> bool {
+    fn close(&mut self, _screen: &mut Screen) -> bool {
         std::mem::take(&mut self.shown.alone)
     }
 
-    fn on_mouse(
-        &mut self,
-        kind: MouseEventKind,
-        at: Position,
-        screen: &mut Screen,
-        link: &mut TrainerLink,
-    ) -> bool {
+    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) -> bool {
         let shown = &screen.layout.projections;
         let found = shown.iter().find(|projection| projection.frame.area.contains(at)).cloned();
         let from = self.dragged_from.take();
@@ -383,7 +375,7 @@ impl SceneKind for SpaceState {
                     self.shown.orbit.turn(-DRAG_TURN[0] * right, DRAG_TURN[1] * down);
                 }
                 (MouseButton::Left, Some(projection)) if !self.goal.is_empty() => {
-                    self.set_goal(projection.point_at(at, &self.goal), screen, link);
+                    self.set_goal(projection.point_at(at, &self.goal), screen);
                 }
                 (MouseButton::Middle, Some(projection)) => {
                     let [was, now] = [from, at].map(|at| projection.frame.middle_of(at));
@@ -409,16 +401,16 @@ impl SceneKind for SpaceState {
                     // There, a drag turns the projection; a click sets the goal once the button is
                     // released.
                     MouseButton::Left if projection.angle == Some(Angle::Free) => {}
-                    MouseButton::Left => self.set_goal(point, screen, link),
+                    MouseButton::Left => self.set_goal(point, screen),
                     MouseButton::Right => {
-                        link.request(Request::Start(self.is_arm.then_some(point)));
+                        screen.request(Request::Start(self.is_arm.then_some(point)));
                     }
                     MouseButton::Middle => {}
                 }
             }
             MouseEventKind::Up(MouseButton::Left) if is_free && from.is_some() => {
                 if !self.turned {
-                    self.set_goal(point, screen, link);
+                    self.set_goal(point, screen);
                 }
             }
             _ => return false,
@@ -426,21 +418,21 @@ impl SceneKind for SpaceState {
         true
     }
 
-    fn drawn(&self, before: ScreenLayout, screen: &mut Screen, link: &TrainerLink) {
+    fn drawn(&self, before: ScreenLayout, screen: &mut Screen) {
         let shown = &mut screen.layout.projections;
         if shown.is_empty() {
             // Hidden behind a maximised pane.
             *shown = before.projections;
         } else if *shown != before.projections {
             let planes = shown.iter().map(|projection| projection.plane.clone()).collect();
-            link.request(Request::Planes(Arc::new(planes)));
+            screen.request(Request::Planes(Arc::new(planes)));
         }
     }
 
-    fn show(&mut self, view: Arc<View>, _screen: &mut Screen, link: &TrainerLink) {
+    fn show(&mut self, view: Arc<View>, screen: &mut Screen) {
         // Also goals that the viewer has drawn, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
-            && *number == link.goal_request
+            && *number == screen.goal_request
         {
             self.goal.clone_from(goal);
         }

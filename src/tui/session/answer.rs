@@ -1,16 +1,16 @@
-//! Input to dialogs, and the effects of their answers.
+//! Input to dialogs, of which the topmost one gets every event, and the effects of their answers.
 
 use std::path::Path;
 
-use crossterm::event::Event;
+use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEventKind};
 use rand::RngExt;
 use ratatui::layout::Position;
 
 use super::disk::{self, checkpoint_file};
 use super::saving::unsaved;
-use super::{Cx, Session, change_run, time, view};
+use super::{Cx, Session, change_run, watching};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
-use crate::tui::layer::Reply;
+use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::lists;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for};
@@ -19,13 +19,12 @@ use gdg::train::{Run, is_checkpoint, with_setting};
 impl Session {
     /// Handles an event while a dialog is open; returns what the user has picked in it.
     pub fn on_event_in_dialog(&mut self, event: &Event) -> Option<Choice> {
-        let mode = self.mode();
         let screen = &mut self.cx.screen;
         let layer = screen.dialogs.last_mut()?;
         let reply = match event {
             Event::Key(key) if !key.is_release() => {
                 screen.log.dismiss();
-                layer.key(*key, &screen.keymap, mode)
+                layer.key(*key)
             }
             Event::Mouse(mouse) => {
                 layer.mouse(mouse.kind, Position::new(mouse.column, mouse.row), &screen.layout)
@@ -66,7 +65,6 @@ impl Session {
                 return choice;
             }
             Dialog::Ask(prompt) => self.accept(prompt),
-            Dialog::Help(_) => {}
         }
         None
     }
@@ -101,7 +99,7 @@ impl Session {
                 change_run::change(change, saver, cx);
             }
             Choice::Change(run) => change_run::change_to(*run, saver, cx),
-            Choice::Theme(name) => view::set_theme(&mut cx.screen, name),
+            Choice::Theme(name) => watching::set_theme(&mut cx.screen, name),
             Choice::Folder(folder) => disk::pick_map(cx, Some(&folder)),
             Choice::OpenMap(path) => disk::open_map(cx, &path),
             Choice::OpenBuiltin(name) => {
@@ -114,7 +112,7 @@ impl Session {
                 disk::offer_map(cx, Grid::empty("new", width, height));
             }
             Choice::OpenRandom(kind) => {
-                let seed = cx.link.rng.random_range(0..1_000);
+                let seed = cx.screen.rng.random_range(0..1_000);
                 disk::offer_map(cx, gdg::map::random(kind, None, seed));
             }
             Choice::OpenWorld(name) => {
@@ -128,8 +126,8 @@ impl Session {
             Choice::Load(path) => change_run::load(path, false, cx),
             Choice::LoadUnsaved(path) => change_run::load(path, true, cx),
             Choice::Field(field) => {
-                time::leave_past(cx);
-                view::show_field(cx, field);
+                watching::leave_past(cx);
+                watching::show_field(cx, field);
             }
             Choice::Export(kind) => disk::export(kind, cx),
             Choice::Quit { save: true } => saver.save_and_quit(cx),
@@ -191,4 +189,74 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
         (Some(lost), None) => Some(format!("{lost}; Enter again writes it without them")),
         (None, replaced) => replaced.map(|file| format!("{file} exists: Enter again replaces it")),
     })
+}
+
+/// What an event does to a dialog.
+#[derive(Debug)]
+pub enum Reply {
+    Stays,
+    Closes,
+    Accepts,
+    Picks(Choice),
+}
+
+impl Dialog {
+    pub fn key(&mut self, key: KeyEvent) -> Reply {
+        match (self, key.code) {
+            (_, KeyCode::Esc) => Reply::Closes,
+            // The key that opens the help closes it, too.
+            (Self::Pick(picker), KeyCode::Char('?')) if picker.typed().0.is_empty() => {
+                Reply::Closes
+            }
+            (_, KeyCode::Enter) => Reply::Accepts,
+            (Self::Pick(picker), _) => {
+                if picker.on_key(key) {
+                    Reply::Accepts
+                } else {
+                    Reply::Stays
+                }
+            }
+            (Self::Ask(prompt), _) => {
+                prompt.on_key(key);
+                Reply::Stays
+            }
+        }
+    }
+
+    pub fn mouse(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> Reply {
+        let lines = match kind {
+            MouseEventKind::ScrollUp => -1,
+            MouseEventKind::ScrollDown => 1,
+            MouseEventKind::Down(MouseButton::Left) => return self.click(at, layout),
+            _ => return Reply::Stays,
+        };
+        match self {
+            Self::Pick(picker) => picker.move_selection(3 * lines),
+            Self::Ask(_) => {}
+        }
+        Reply::Stays
+    }
+
+    fn click(&mut self, at: Position, layout: &ScreenLayout) -> Reply {
+        let (rows, first) = layout.rows;
+        match (layout.click(at), self) {
+            (Some(Click::Answer), _) => Reply::Accepts,
+            (Some(Click::Act(action)), _) => Reply::Picks(Choice::Act(action)),
+            (Some(Click::Close), _) => Reply::Closes,
+            _ if !layout.dialog.contains(at) => Reply::Closes,
+            (None, Self::Pick(picker)) => {
+                // A click below the last item picks nothing.
+                let picks = rows.contains(at) && picker.select(first + usize::from(at.y - rows.y));
+                if picks { Reply::Accepts } else { Reply::Stays }
+            }
+            (None, Self::Ask(_)) => Reply::Stays,
+        }
+    }
+
+    pub fn paste(&mut self, text: &str) {
+        match self {
+            Self::Pick(picker) => picker.insert(text),
+            Self::Ask(prompt) => prompt.insert(text),
+        }
+    }
 }

@@ -35,7 +35,7 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
 /// learn.
 pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
     let resets = resets_networks(cx.screen.run(), &run);
-    if cx.command(EngineCommand::Change(Box::new(run))) && resets {
+    if cx.screen.command(EngineCommand::Change(Box::new(run))) && resets {
         saver.leave_file();
     }
 }
@@ -55,7 +55,7 @@ pub fn restart(seed: u64, cx: &mut Cx) {
         Scene::Maze(maze) => maze_on(maze.map.clone()),
         Scene::Space(_) => Box::new(|world| world.fork(0)),
     };
-    cx.command(EngineCommand::StartRun(Box::new(run), world));
+    cx.screen.command(EngineCommand::StartRun(Box::new(run), world));
 }
 
 /// Starts a new run in the world called `name`, with the preset's settings for it.
@@ -65,7 +65,7 @@ pub fn start_in(name: &str, cx: &mut Cx) {
         && let Some(create) = kind.create
     {
         let run = Box::new(adapted_to(kind, cx));
-        cx.command(EngineCommand::StartRun(run, Box::new(move |_| Ok(create()))));
+        cx.screen.command(EngineCommand::StartRun(run, Box::new(move |_| Ok(create()))));
     }
 }
 
@@ -75,14 +75,14 @@ pub fn start_on(map: Arc<Grid>, cx: &mut Cx) {
         Scene::Maze(_) => cx.screen.run().clone(),
         Scene::Space(_) => adapted_to(&maze::KIND, cx),
     };
-    cx.command(EngineCommand::StartRun(Box::new(run), maze_on(map)));
+    cx.screen.command(EngineCommand::StartRun(Box::new(run), maze_on(map)));
 }
 
 /// Continues on `map`.
 pub fn continue_on(map: &Grid, cx: &mut Cx) {
-    cx.in_maze(|maze, screen, link| {
+    cx.in_maze(|maze, screen| {
         let new = (*map != *maze.map).then(|| Arc::new(map.clone()));
-        maze.change_map_or_say(new, ["", "the map stays as it is"], screen, link);
+        maze.change_map_or_say(new, ["", "the map stays as it is"], screen);
     });
 }
 
@@ -95,7 +95,7 @@ pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
         return cx.screen.open(question);
     }
     cx.screen.notify(&format!("loading {} ...", path.display()));
-    cx.command(EngineCommand::Load(path));
+    cx.screen.command(EngineCommand::Load(path));
 }
 
 fn adapted_to(kind: &WorldKind, cx: &Cx) -> Run {

@@ -16,7 +16,7 @@ use crate::host::waiting::{TWICE, Waiting};
 use crate::tui::dialog::{Choice, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;
-use crate::tui::screen::Screen;
+use crate::tui::screen::{Screen, summary_of};
 use crate::tui::terminal;
 use gdg::engine::{Engine, EngineCommand, Phase, Snapshot};
 use gdg::files::{named, unused_path};
@@ -123,7 +123,7 @@ impl Saver {
     }
 
     pub fn request_save(&mut self, cx: &mut Cx) -> bool {
-        let is_asked = cx.command(EngineCommand::Save(self.to.clone(), notes(cx)));
+        let is_asked = cx.screen.command(EngineCommand::Save(self.to.clone(), notes(cx)));
         let map = cx.scene.maze().map(|maze| maze.map.clone());
         self.awaited = is_asked.then(|| (Instant::now(), map));
         is_asked
@@ -142,7 +142,7 @@ impl Saver {
 
     /// Saves automatically, to a file next to the user's own.
     fn autosave(&mut self, cx: &mut Cx) {
-        cx.command(EngineCommand::Autosave(self.to.path().to_owned(), notes(cx)));
+        cx.screen.command(EngineCommand::Autosave(self.to.path().to_owned(), notes(cx)));
     }
 
     /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
@@ -167,14 +167,14 @@ impl Saver {
             return;
         }
         self.was_training = cx.screen.latest.phase.is_training();
-        cx.command(EngineCommand::Pause);
+        cx.screen.command(EngineCommand::Pause);
         self.save_then(QUIT, cx);
     }
 
     /// Handles a closed dialog: quitting is cancelled, and training paused for it resumes.
     pub fn cancel_quit(&mut self, cx: &mut Cx) {
         if self.then.take_if(|then| *then == QUIT).is_some() && self.was_training {
-            cx.command(EngineCommand::Resume);
+            cx.screen.command(EngineCommand::Resume);
         }
     }
 }
@@ -302,16 +302,17 @@ impl Session {
         let (is_wanted, is_worth_saving) = (self.saver.named.is_some(), is_worth_saving(&self));
         let (notes, is_changed) = (notes(&self), has_unsaved_changes(&self));
         let Self { saver, cx, .. } = self;
-        let (mut screen, snapshots) = (cx.screen, engine.snapshots());
+        let (shown, snapshots) = (cx.screen.snapshot.clone(), engine.snapshots());
+        let title = cx.scene.title(&shown).to_owned();
         // The trainer ends once nothing can send it commands any more.
-        drop(cx.link);
+        drop(cx);
         let trainer = engine.stop();
         // All that is said is said of one moment: the trainer may be farther than its last snapshot.
         let mut snapshot = Snapshot::clone(&snapshots.borrow());
         if let Some(trainer) = &trainer {
             (snapshot.counters, snapshot.seconds) = (trainer.counters(), trainer.seconds());
         }
-        let to = match (&snapshot.saved, &screen.snapshot.saved) {
+        let to = match (&snapshot.saved, &shown.saved) {
             // A save that the screen has not seen any more was the run's first: the file is its own
             // by now.
             (Some((_, path)), None) => SaveTo::Replace(path.to_path_buf()),
@@ -344,8 +345,7 @@ impl Session {
         }
         let files = about_files(&snapshot, tells_lost);
         let newest = newest_file(&snapshot);
-        screen.snapshot = Arc::new(snapshot);
-        let mut summary = screen.summary(cx.scene.title(&screen.snapshot)) + &files;
+        let mut summary = summary_of(&snapshot, &title) + &files;
         if let Some(file) = newest {
             summary += &format!("\nresume with: {}", resume_command(&file));
         }

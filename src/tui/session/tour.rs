@@ -7,9 +7,9 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::{Cx, view};
+use super::{Cx, watching};
 use crate::tui::action::Action;
-use crate::tui::overlay::Overlay;
+use crate::tui::choices::Overlay;
 use crate::tui::scene::MazeState;
 use crate::tui::scene::maze;
 use crate::tui::screen::{Caption, Screen, ShownStep};
@@ -84,10 +84,10 @@ impl TourGuide {
         for overlay in [Overlay::Contours, Overlay::Agents, Overlay::Path] {
             show_overlay(overlay, true, cx);
         }
-        view::show_field(cx, Field::Learned);
+        watching::show_field(cx, Field::Learned);
         let on_arrival = cx.screen.on_arrival;
         let tour = self.tour.insert(Tour { start: Some(START), on_arrival, ..Tour::default() });
-        view::set_on_arrival(cx, OnArrival::Again);
+        watching::set_on_arrival(cx, OnArrival::Again);
         tour.enter(cx);
     }
 
@@ -109,7 +109,7 @@ impl TourGuide {
         tour.hide_bridge(cx);
         // If the trainer is busy, the tour goes on until the door is open.
         if tour.open_door(cx) {
-            view::set_on_arrival(cx, tour.on_arrival);
+            watching::set_on_arrival(cx, tour.on_arrival);
             self.forget(&mut cx.screen);
             // The line about what there is to see would repeat it.
             cx.screen.explains = false;
@@ -173,18 +173,18 @@ impl Tour {
     }
 
     fn send_walker(&mut self, cx: &mut Cx) {
-        maze::place_walker(self.start, &mut cx.screen, &cx.link);
+        maze::place_walker(self.start, &mut cx.screen);
     }
 
     fn aim_at(&mut self, goal: Cell, cx: &mut Cx) {
-        cx.in_maze(|maze, screen, link| maze.set_goal(goal, screen, link));
+        cx.in_maze(|maze, screen| maze.set_goal(goal, screen));
         self.send_walker(cx);
     }
 
     fn hide_bridge(&mut self, cx: &mut Cx) {
         cx.screen.explained = None;
         if cx.screen.field == Field::OverEach {
-            view::show_field(cx, Field::Learned);
+            watching::show_field(cx, Field::Learned);
         }
         if std::mem::take(&mut self.shows_search) {
             show_overlay(Overlay::Search, false, cx);
@@ -206,21 +206,21 @@ fn show_overlay(overlay: Overlay, shown: bool, cx: &mut Cx) -> bool {
     let changes = cx.screen.overlays.has(overlay) != shown;
     if changes {
         cx.screen.overlays.toggle(overlay);
-        cx.act_in_scene(Action::Toggle(overlay));
+        cx.scene.act(Action::Toggle(overlay), &mut cx.screen);
     }
     changes
 }
 
 /// Makes cells free or walls, as the editor does; returns whether they are.
 fn edit_cells(cells: &[Cell], free: bool, cx: &mut Cx) -> bool {
-    cx.in_maze(|maze, screen, link| {
+    cx.in_maze(|maze, screen| {
         let map = maze.map.clone();
         let inside = |cell: &&Cell| map.contains(**cell);
         let done = |map: &Grid| cells.iter().filter(inside).all(|cell| map.is_free(*cell) == free);
         if !done(&map) {
             let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));
             let new = changed.filter(|new| *new != *map).map(Arc::new);
-            maze.change_map(new, screen, link);
+            maze.change_map(new, screen);
         }
         done(&maze.map)
     })
@@ -412,7 +412,7 @@ fn find_bridge(tour: &mut Tour, cx: &mut Cx) {
     let cell = |at: [f32; 2]| Cell::new(at[0] as usize, at[1] as usize);
     (tour.start, tour.bridge) = (Some(cell(start)), Some(found));
     tour.aim_at(cell(goal), cx);
-    view::show_field(cx, Field::OverEach);
+    watching::show_field(cx, Field::OverEach);
     tour.shows_search |= show_overlay(Overlay::Search, true, cx);
 }
 
@@ -445,9 +445,9 @@ fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
 
 fn walk_over(tour: &mut Tour, cx: &mut Cx) {
     if tour.bridge.is_some() {
-        view::show_field(cx, Field::Learned);
+        watching::show_field(cx, Field::Learned);
         tour.send_walker(cx);
-        view::set_on_arrival(cx, OnArrival::Stay);
+        watching::set_on_arrival(cx, OnArrival::Stay);
     }
 }
 
@@ -474,7 +474,7 @@ fn over_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
 
 fn aim_far(tour: &mut Tour, cx: &mut Cx) {
     tour.hide_bridge(cx);
-    view::set_on_arrival(cx, OnArrival::Again);
+    watching::set_on_arrival(cx, OnArrival::Again);
     tour.start = Some(START);
     tour.aim_at(FAR_GOAL, cx);
 }

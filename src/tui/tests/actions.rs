@@ -1,8 +1,8 @@
 //! Every action: reachable by keyboard alone, listed in the help, and safe at any time.
 
 use super::*;
+use crate::tui::choices::Pane;
 use crate::tui::dialog::Choice;
-use crate::tui::panes::Pane;
 
 fn is_of_trainer(binding: &Binding) -> bool {
     [Mode::Watching, Mode::Editing, Mode::Touring].into_iter().any(|mode| binding.is_active(mode))
@@ -52,12 +52,11 @@ fn every_key_triggers_its_action() {
 #[test]
 fn every_action_without_a_key_is_found_by_name() {
     let mut app = still();
-    for binding in bindings().filter(|b| b.keys.is_empty()) {
+    for binding in bindings().filter(|b| b.keys.is_empty() && is_of_trainer(b)) {
         type_text(&mut app, &format!(":{}", binding.long));
         let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("a list") };
         assert_eq!(picker.choice(), Some(&Choice::Act(binding.action)), "{}", binding.name);
         press(&mut app, KeyCode::Enter);
-        assert!(!app.screen.dialogs.is_empty(), "{} asks something", binding.name);
         app.screen.dialogs.clear();
     }
 }

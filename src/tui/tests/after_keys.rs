@@ -69,7 +69,7 @@ const HUGE: (u16, u16) = (200, 60);
 const ROWS: &[ScreenTest] = &[
     // What a screen has room for.
     (Run, SMALL, "", &["gdg-tui", "rooms", "gdg-bridge", "training", "updates", "success"], &[]),
-    (Run, SMALL, "", &["Space pause", "n goal", "v view", "e edit", ": all", "? help"], &[]),
+    (Run, SMALL, "", &["Space pause", "n goal", "v view", "e edit", "? help"], &[]),
     (Run, HUGE, "", &["elapsed", "D loss", "waypoint", "exploring", "q quit"], &[]),
     (Run, NARROW, "", &["Space pause", "panes", "? help", "q quit"], &[]),
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
@@ -84,19 +84,20 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, " ", &["paused, y: now"], &[]),
     (New, SMALL, "  ", &[], &["paused"]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
-    (New, SMALL, "F", &["frozen"], &[]),
-    (New, SMALL, "FF", &[], &["frozen"]),
+    (New, SMALL, ":freeze{enter}", &["frozen"], &[]),
+    (New, SMALL, ":freeze{enter}:freeze{enter}", &[], &["frozen"]),
     // Help, the list of all actions, and keys without a meaning.
-    (New, TINY, "?", &["the learned distance", "G:"], &[]),
-    (New, SMALL, "?/undo", &["undo an edit"], &["pause or resume"]),
-    (New, SMALL, "?/undo{esc}", &["pause or resume"], &[]),
+    (New, TINY, "?", &["the learned distance", "pause or"], &[]),
+    (New, SMALL, "?undo", &["undo an edit"], &["pause or resume"]),
+    (New, SMALL, "??", &["q quit"], &["pause or resume"]),
+    (New, SMALL, "?via graph", &["the same for D along the bridge graph"], &[]),
     (New, SMALL, "?{esc}", &["q quit"], &["pause or resume"]),
     (New, SMALL, "{click ? help}", &["pause or resume"], &[]),
-    (New, SMALL, "{click : all}", &["find an action"], &[]),
+    (New, SMALL, ":pause{enter}", &["paused, y: now"], &[]),
     (New, SMALL, ":qqqzzz{enter}", &["nothing in the list fits \"qqqzzz\""], &[]),
     (New, SMALL, ":polyak{enter}", &["tau"], &[]),
     (New, SMALL, ":colours visits{enter}", &["visits"], &[]),
-    (New, SMALL, "{f9}", &["F9 does nothing here", "? help"], &[]),
+    (New, SMALL, "{f9}", &["F9 does nothing here: ? lists all keys"], &[]),
     // Questions about the run, and settings.
     (New, SMALL, "{click gdg-bridge}", &["continue with method"], &[]),
     (New, SMALL, "{click default}", &["continue with preset"], &[]),
@@ -115,9 +116,9 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "T{click light   }", &["gdg-tui"], &["type to search"]),
     (New, SMALL, ":save a checkpoint under{enter}name{click Enter: accept}", &["name.safe"], &[]),
     // Panes.
-    (New, SMALL, "{click 4map 5log}", &["bridge edges", "contours"], &[]),
+    (New, SMALL, "{click 4 map}", &["bridge edges", "contours"], &[]),
     (New, NARROW, "{tab}", &["updates"], &["D to G"]),
-    (New, NARROW, "5", &["log"], &["D to G"]),
+    (New, NARROW, "5", &["gdg-bridge on rooms, 20 x 5 cells", "0:00:00 at 0"], &[]),
     (New, SMALL, "z", &["updates"], &["D to G"]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
@@ -138,7 +139,7 @@ const ROWS: &[ScreenTest] = &[
     (New, TINY, "e", &["done"], &[]),
     (New, SMALL, "{click e edit}{click done}", &[], &["EDIT"]),
     (New, LARGE, "e{click box}", &["drag: an outline"], &["drag: walls"]),
-    (New, LARGE, "e7", &["click: add or remove g"], &["drag: walls"]),
+    (New, LARGE, "e7", &["click: add, remove g"], &["drag: walls"]),
     (New, SMALL, "u", &["nothing to undo"], &[]),
     (New, SMALL, "{ctrl-r}", &["nothing to redo"], &[]),
     (New, SMALL, "e5x", &["not filled: a map needs floor"], &[]),
@@ -158,7 +159,7 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "P", &["front"], &[]),
     (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "1train 2curve 3walk 4goal 5log"], &[]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "1train 2curves 3walk 4goals"], &[]),
     (Goals, HUGE, "2", &["loss of D"], &["relative error of D"]),
     (Goals, SMALL, "P", &["g0\u{2192}", "g2\u{2191}"], &[]),
     // Comparisons.
@@ -188,7 +189,8 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "c", &["mark two runs"], &[]),
     (List, LARGE, "D", &["delete 1 file for good?", "y: yes  n: no"], &[]),
     (List, LARGE, "Dn", &["5 runs"], &["for good?"]),
-    (List, SMALL, "?", &["mark"], &["damaged.safetensors"]),
+    (List, SMALL, "?", &["mark", "Space"], &[]),
+    (List, LARGE, "?mark{enter}", &["\u{2500} A "], &[]),
 ];
 
 fn play(app: &mut dyn Driven, (width, height): (u16, u16), keys: &str) {

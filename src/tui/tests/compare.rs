@@ -83,7 +83,7 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         }
         let app = &comparison.apps()[side];
         let mut view = staged_view(app);
-        view.goal.1 = app.link.goal_request;
+        view.goal.1 = app.screen.goal_request;
         view.reach.arrived = side == 0;
         let snapshot = app.screen.latest.clone();
         comparison.follow(side, &snapshot, &view);

@@ -14,7 +14,7 @@ fn a_resumed_run_goes_on_with_its_goal() {
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     app.set_goal(Cell::new(1, 1));
-    app.command(EngineCommand::Load(path));
+    app.screen.command(EngineCommand::Load(path));
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some() && app.maze().goal == own);
     assert_eq!(app.screen.snapshot.notes.goal, own.centre());
 }

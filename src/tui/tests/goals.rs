@@ -1,7 +1,7 @@
 //! Spaces of goals: worlds that the program knows nothing about.
 
 use super::*;
-use crate::tui::panes::Pane;
+use crate::tui::choices::Pane;
 use gdg::env::{FetchReach, GoalSpace, WorldScene};
 use gdg::train::DataSource;
 use gdg::viewer::View;

@@ -1,8 +1,7 @@
 //! The mouse, apart from setting goals: keys in the footer, names, lists, zooming, panning, and editing.
 
 use super::*;
-use crate::tui::overlay::Overlay;
-use crate::tui::panes::Pane;
+use crate::tui::choices::{Overlay, Pane};
 
 /// Clicks on the first place that shows `text`.
 fn click_on(app: &mut impl Driven, (width, height): (u16, u16), text: &str) {
@@ -15,7 +14,7 @@ const SMALL: (u16, u16) = (80, 24);
 #[test]
 fn clicks_reach_what_is_on_top_and_nothing_else() {
     let mut app = still();
-    click_on(&mut app, SMALL, "4map 5log");
+    click_on(&mut app, SMALL, "4 map");
     click_on(&mut app, SMALL, "bridge edges");
     assert!(app.screen.overlays.has(Overlay::Edges));
     // Clicks on a maximised pane do not reach the map.

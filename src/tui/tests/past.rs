@@ -2,8 +2,8 @@
 
 use super::staged::staged_app;
 use super::*;
+use crate::tui::choices::Pane;
 use crate::tui::drawings::name;
-use crate::tui::panes::Pane;
 use gdg::env::FetchReach;
 use gdg::train::{Film, FilmFrame};
 use gdg::viewer::{FilmedMap, Plane, View};
@@ -122,7 +122,7 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
     assert!(Arc::ptr_eq(&fields, &app.maze().view.fields), "the past does not change");
     // A frozen screen does not change, but one can look back.
-    press(&mut app, KeyCode::Char('F'));
+    app.act(Action::Freeze);
     let updates = app.screen.snapshot.counters.updates;
     press(&mut app, KeyCode::Char(']'));
     wait_until(&mut app, |app| app.shown_past().is_some_and(|frame| frame.updates > 1));

@@ -4,10 +4,9 @@ use ratatui::layout::Rect;
 
 use super::staged::staged_app;
 use super::*;
+use crate::tui::choices::{Marker, Overlay};
 use crate::tui::graphics::patches::Patches;
 use crate::tui::graphics::{Graphics, Redraw, TerminalPicture};
-use crate::tui::marker::Marker;
-use crate::tui::overlay::Overlay;
 use crate::tui::theme::Rgb;
 
 pub(super) const GRAPHICS: Graphics = Graphics { character: (8, 16) };

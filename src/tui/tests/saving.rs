@@ -209,7 +209,7 @@ fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
     ] {
         let mut app = saved_app();
         if frozen {
-            press(&mut app, KeyCode::Char('F'));
+            app.act(Action::Freeze);
         }
         let shown = app.screen.snapshot.updates();
         train_on(&mut app, seconds, updates);
@@ -229,7 +229,7 @@ fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
 #[test]
 fn a_frozen_screen_says_what_was_saved_and_keeps_what_is_changed() {
     let mut app = staged_app(80, 24);
-    press(&mut app, KeyCode::Char('F'));
+    app.act(Action::Freeze);
     let mut latest = (*app.screen.latest).clone();
     latest.notice.number += 1;
     latest.notice.text = "autosaved kept-auto.safetensors".to_owned();
@@ -239,7 +239,7 @@ fn a_frozen_screen_says_what_was_saved_and_keeps_what_is_changed() {
     app.on_snapshot(Arc::new(latest));
     assert!(shown_by(&mut app, 80, 24).contains("limit reached"));
     let mut app = still();
-    press(&mut app, KeyCode::Char('F'));
+    app.act(Action::Freeze);
     set(&mut app, "expectile", "0.7");
     app.obey();
     let settings = train::list_settings(&app.screen.run().settings);

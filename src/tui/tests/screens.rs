@@ -3,10 +3,8 @@
 use super::screen_text::picture;
 use super::staged::staged_app;
 use super::*;
+use crate::tui::choices::{Marker, Overlay, Overlays, Pane};
 use crate::tui::graphics::Redraw;
-use crate::tui::marker::Marker;
-use crate::tui::overlay::{Overlay, Overlays};
-use crate::tui::panes::Pane;
 use crate::tui::viewport::{MapFrame, Viewport};
 use gdg::bridge::EdgeStatus;
 use gdg::draw::RasterPixel;

@@ -1,7 +1,7 @@
 //! The guided tour.
 
 use super::*;
-use crate::tui::overlay::Overlay;
+use crate::tui::choices::Overlay;
 use crate::tui::session::ALL_STEPS as STEPS;
 use gdg::bridge::Candidates;
 use gdg::engine::Networks;

@@ -96,7 +96,6 @@ impl BridgeGraph {
         let (now, never) = (|_| true, Job::default());
         Self::empty(&candidates.spec, &candidates.settings)
             .renewed(&never, candidates, now, policy, scratch)
-            .unwrap_or_else(|| unreachable!("nothing cancels it"))
     }
 
     pub(crate) fn empty(spec: &Spec, settings: &BridgeSettings) -> Self {
@@ -104,8 +103,8 @@ impl BridgeGraph {
     }
 
     /// Returns the graph of the current `candidates`: rebuilds the edges from those that are new or
-    /// `is_due`, see [`Self::build`]; the others keep their D. Returns `None` once `job` is
-    /// cancelled.
+    /// `is_due`, see [`Self::build`]; the others keep their D. Ends early once `job` is cancelled:
+    /// nobody wants the graph any more.
     pub(crate) fn renewed(
         &self,
         job: &Job,
@@ -113,13 +112,10 @@ impl BridgeGraph {
         is_due: impl Fn(usize) -> bool,
         policy: &dyn Policy,
         scratch: &mut Scratch,
-    ) -> Option<Self> {
+    ) -> Self {
         let before = self.candidates();
         let mut rows = DistanceRows::new(candidates);
-        for from in 0..candidates.len() {
-            if job.is_cancelled() {
-                return None;
-            }
+        for from in (0..candidates.len()).take_while(|_| !job.is_cancelled()) {
             job.set(from, candidates.len());
             let Some(old) = before.index_of(candidates.id(from)).filter(|_| !is_due(from)) else {
                 rows.add(from, policy, scratch);
@@ -131,7 +127,7 @@ impl BridgeGraph {
                 rows.edges.extend(to.and_then(|to| rows.edge(from, to, edge.distance)));
             }
         }
-        Some(Self::from_edges(candidates.clone(), rows.edges))
+        Self::from_edges(candidates.clone(), rows.edges)
     }
 
     /// Builds the graph from `edges`, which are sorted by source.

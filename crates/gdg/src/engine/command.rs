@@ -204,7 +204,7 @@ impl TrainingThread {
         Ok(path)
     }
 
-    fn saved_text(&self, how: &str, path: &Path, why: &str) -> String {
+    fn saved_text(&mut self, how: &str, path: &Path, why: &str) -> String {
         let at = grouped(self.trainer.learned_updates());
         let saved = format!("{how} {} at update {at}{why}", path.display());
         let all = std::iter::once(saved).chain(self.trainer.take_warnings());

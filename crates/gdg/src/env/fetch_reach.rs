@@ -37,7 +37,7 @@ pub const KIND: WorldKind = WorldKind {
     create: Some(|| Box::new(FetchReach::new(0))),
     open: None,
     load: |_, _| Ok(Box::new(FetchReach::new(0))),
-    // As measured in docs/experiments.md: a few thousand steps are enough, so each is worth an
+    // As measured in docs/research/tried.md: a few thousand steps are enough, so each is worth an
     // update.
     defaults: &["agents=8", "learning_starts=200", "env_steps_per_update=1"],
 };
@@ -92,7 +92,7 @@ impl FetchReach {
             action_dim: ACTION,
             goal_radius: GOAL_RADIUS,
             // They are, but the space is only ten goal radii across: grids just slow learning down
-            // (see docs/experiments.md).
+            // (see docs/research/tried.md).
             position_scale: None,
         };
         let mut world = Self {

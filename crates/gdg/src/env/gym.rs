@@ -196,6 +196,20 @@ impl Gym {
         Ok(self.episodes[agent].checksum == episode.checksum)
     }
 
+    /// Gives the agents whose worker has failed as `agent` repeated its episode another one, where those
+    /// before it repeat theirs.
+    fn replace_worker(&mut self, agent: usize) -> Result<(), EnvError> {
+        let mut workers = self.workers.get_mut().iter_mut();
+        let Some((worker, agents)) = workers.find(|(_, agents)| agents.contains(&agent)) else {
+            return Ok(());
+        };
+        *worker = self.pool.take(agents.len())?;
+        (agents.start..agent).try_for_each(|before| {
+            let episode = std::mem::take(&mut self.episodes[before]);
+            self.repeat(before, &episode).map(drop)
+        })
+    }
+
     /// Calls `act` with the worker of `agent` and the number of its environment there.
     fn with_worker<R>(
         &mut self,
@@ -367,15 +381,20 @@ impl Environment for Gym {
             actions: as_f32(&actions[..actions.len().min(*length as usize)]).collect(),
             checksum: *checksum as u32,
         };
-        let is_same = self.repeat(agent, &episode)? || *checksum == UNCHECKED;
-        if !is_same {
-            let steps = episode.actions.len() / self.spec().action_dim;
-            self.pool.warn_of_new_episode(&format!(
-                "with the same seed and actions, other numbers than before have come out of {}",
-                counted(steps as u64, "step")
-            ));
-        }
-        Ok(is_same)
+        let steps = counted((episode.actions.len() / self.spec().action_dim) as u64, "step");
+        let why = match self.repeat(agent, &episode) {
+            Ok(is_same) if is_same || *checksum == UNCHECKED => return Ok(true),
+            Ok(_) => format!(
+                "with the same seed and actions, other numbers than before have come out of {steps}"
+            ),
+            Err(EnvError::Failed { problem, .. }) if *checksum != UNCHECKED => {
+                self.replace_worker(agent)?;
+                format!("while {steps} were repeated, {problem}")
+            }
+            Err(error) => return Err(error),
+        };
+        self.pool.warn_of_new_episode(&why);
+        Ok(false)
     }
 
     /// Accepts states of any length: an agent whose state cannot be restored begins an episode.

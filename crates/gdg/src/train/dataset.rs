@@ -20,11 +20,11 @@ use crate::store::StoreError;
 
 const STATES: &str = "observations";
 const ACTIONS: &str = "actions";
-const ENDS: &str = "terminals";
 
-/// Names of arrays that need not be there: further ends of episodes, as in data of D4RL, and where
-/// each action leads.
-const OTHER_ENDS: [&str; 2] = ["timeouts", "truncations"];
+/// Ends of episodes: a file has at least one of these arrays. Data of D4RL have the first two.
+const ENDS: [&str; 4] = ["terminals", "timeouts", "truncations", "dones"];
+
+/// Where each action leads, which need not be there.
 const NEXT: &str = "next_observations";
 
 /// Most numbers of an array: 4 GB of memory.
@@ -59,14 +59,16 @@ pub struct Dataset {
     actions: Vec<f32>,
     /// The row after each episode's last one.
     ends: Vec<usize>,
+    /// Whether no row ends an episode, so that all are taken for one.
+    pub is_endless: bool,
 }
 
 impl Dataset {
     /// Reads an `.npz` file with `observations` (rows, `state_dim`), `actions` (rows, `action_dim`)
-    /// in [-1, 1], and `terminals` (rows), which are not 0 in the last row of each episode;
-    /// `timeouts` and `truncations` are further ends. The action of a row leads to the next one, or
-    /// to that of `next_observations`, if they are there. States are in the unit of the world's
-    /// records. Says how far it is, as one stage of `progress`.
+    /// in [-1, 1], and `terminals`, `timeouts`, `truncations` or `dones` (rows), some of which are
+    /// not 0 in the last row of each episode. The action of a row leads to the next one, or to that
+    /// of `next_observations`, if they are there. States are in the unit of the world's records.
+    /// Says how far it is, as one stage of `progress`.
     pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self, DataError> {
         let checked = checksum(file, 2, progress)?;
         Self::read_checked(file, checked, world, progress)
@@ -92,6 +94,12 @@ impl Dataset {
             let mut is_last = arrays.ends(rows)?;
             let next = arrays.has(NEXT).then(|| arrays.numbers(NEXT, &[rows, sizes.state]));
             let mut next = next.transpose()?;
+            // Then hardly any would be the state of the next row.
+            if next.is_some() && arrays.is_half(STATES) != arrays.is_half(NEXT) {
+                return Err(format!(
+                    "{NEXT} and {STATES} differ in precision: save both as float32"
+                ));
+            }
             // Written over or replaced, it may have parts of two files, or another checksum.
             if FileFacts::of(file) != facts {
                 return Err(CHANGED.to_owned());
@@ -106,6 +114,7 @@ impl Dataset {
                     states.chunks_exact_mut(sizes.state).for_each(|s| recorded.own_state(s));
                 }
             }
+            let has_ends = is_last.contains(&true);
             if let Some(last) = is_last.last_mut() {
                 *last = true;
             }
@@ -121,7 +130,8 @@ impl Dataset {
             // Resumed from anywhere.
             let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
             let source = DataSource { file, checksum, transitions, episodes };
-            Ok(Self { source, facts, sizes, states, actions, ends })
+            let is_endless = !has_ends && episodes == 1;
+            Ok(Self { source, facts, sizes, states, actions, ends, is_endless })
         };
         read().map_err(|problem| unfit(file, problem))
     }
@@ -236,7 +246,7 @@ pub fn data_file(
         Tensor::from_vec(numbers, (rows, columns), &Device::Cpu)
     };
     let last = Tensor::from_vec(ends, rows, &Device::Cpu)?;
-    let arrays = [(STATES, table(states)?), (ACTIONS, table(actions)?), (ENDS, last)];
+    let arrays = [(STATES, table(states)?), (ACTIONS, table(actions)?), (ENDS[0], last)];
     progress.set(1, 3);
     let file = tempfile::NamedTempFile::new()?;
     Tensor::write_npz(&arrays, file.path())?;
@@ -305,8 +315,7 @@ fn unread_array(name: &str, error: &candle_core::Error) -> String {
              numpy.ascontiguousarray({name})"
         );
     }
-    let is_type = said.contains("descr") || said.contains("unsupported dtype");
-    if is_type {
+    if said.contains("descr") || said.contains("unsupported dtype") {
         return format!(
             "{name} has numbers of a kind that cannot be read: save {name}.astype('float32')"
         );
@@ -328,7 +337,8 @@ impl<'a> Arrays<'a> {
         };
         let file = NpzTensors::new(path).map_err(explained)?;
         let arrays = Self { path, file, bytes: facts.map_or(0, |facts| facts.bytes) };
-        [STATES, ACTIONS, ENDS].iter().try_for_each(|name| arrays.shape(name).map(drop))?;
+        let ends = ENDS.iter().find(|name| arrays.has(name)).unwrap_or(&ENDS[0]);
+        [STATES, ACTIONS, ends].iter().try_for_each(|name| arrays.shape(name).map(drop))?;
         Ok(arrays)
     }
 
@@ -343,15 +353,12 @@ impl<'a> Arrays<'a> {
         // In the worst case, each transition is an episode of two rows.
         let most = if self.has(NEXT) { 2 * rows } else { rows };
         let (needed, available) = (2 * sizes.bytes(most), memory::available_bytes());
-        let gigabytes = |bytes: u64| bytes as f64 / 1e9;
         if needed <= available {
             return Ok(rows);
         }
-        Err(format!(
-            "{rows} rows need about {:.1} GB of memory, but {:.1} GB are available",
-            gigabytes(needed),
-            gigabytes(available)
-        ))
+        let [needed, available] = [needed, available].map(|bytes| bytes as f64 / 1e9);
+        let but = format!("but {available:.1} GB are available");
+        Err(format!("{rows} rows need about {needed:.1} GB of memory, {but}"))
     }
 
     fn shape(&self, name: &str) -> Result<Vec<usize>, String> {
@@ -359,7 +366,7 @@ impl<'a> Arrays<'a> {
             let mut names: Vec<&str> = self.file.names().into_iter().map(String::as_str).collect();
             names.sort_unstable();
             return Err(format!(
-                "has no array {name}, but {}: data are {STATES}, {ACTIONS} and {ENDS}",
+                "has no array {name}, but {}: data are {STATES}, {ACTIONS} and terminals",
                 names.join(", ")
             ));
         }
@@ -402,9 +409,13 @@ impl<'a> Arrays<'a> {
         }
     }
 
+    fn is_half(&self, name: &str) -> bool {
+        matches!(self.file.get_shape_and_dtype(name), Ok((_, DType::F16 | DType::BF16)))
+    }
+
     fn ends(&self, rows: usize) -> Result<Vec<bool>, String> {
         let mut is_last = vec![false; rows];
-        for name in [ENDS].into_iter().chain(OTHER_ENDS).filter(|name| self.has(name)) {
+        for name in ENDS.into_iter().filter(|name| self.has(name)) {
             let ends = self.numbers(name, &[rows])?;
             if let Some(row) = ends.iter().position(|end| end.is_nan()) {
                 return Err(format!(
@@ -459,7 +470,7 @@ mod tests {
         let file = folder.path().join("d.npz");
         let write = |rows: usize| {
             let array = |columns| Tensor::zeros((rows, columns), DType::F32, &Device::Cpu);
-            let arrays = [(STATES, 2), (ACTIONS, 2), (ENDS, 1)];
+            let arrays = [(STATES, 2), (ACTIONS, 2), (ENDS[0], 1)];
             let arrays = arrays.map(|(name, columns)| (name, array(columns).expect("an array")));
             Tensor::write_npz(&arrays, &file).expect("written");
         };

@@ -44,10 +44,10 @@ impl EvaluationJob {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
 
-    /// Draws tasks like [`Self::tasks`] and evaluates on them; returns `None` once `job` is
-    /// cancelled. Where the world fails, tries once more: a world in another process gets a new one, and
-    /// the result is the same.
-    pub fn evaluate(&self, per_group: usize, job: &Job) -> Result<Option<Evaluation>, EnvError> {
+    /// Draws tasks like [`Self::tasks`] and evaluates on them, unless `job` is cancelled. Where the
+    /// world fails, tries once more: a world in another process gets a new one, and the result is the
+    /// same.
+    pub fn evaluate(&self, per_group: usize, job: &Job) -> Result<Evaluation, EnvError> {
         let once = || self.run_unless(job, &self.tasks(per_group)?);
         once().or_else(|error| {
             if error == EnvError::Stopped {
@@ -59,17 +59,18 @@ impl EvaluationJob {
     }
 
     pub fn run(&self, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
-        let done = self.run_unless(&Job::default(), tasks)?;
-        Ok(done.unwrap_or_else(|| unreachable!("nothing cancels it")))
+        self.run_unless(&Job::default(), tasks)
     }
 
-    /// Like [`Self::run`]; returns `None` once `job` is cancelled.
-    pub fn run_unless(&self, job: &Job, tasks: &TaskSet) -> Result<Option<Evaluation>, EnvError> {
+    /// Like [`Self::run`]; fails with [`EnvError::Stopped`] once `job` is cancelled.
+    pub fn run_unless(&self, job: &Job, tasks: &TaskSet) -> Result<Evaluation, EnvError> {
         crate::faults::point("evaluation");
         let (progress, stages) = (job, 1 + 2 * usize::from(self.candidates.is_some()));
         let mut stage = 0;
         progress.begin(stage, stages);
+        let go_on = || if job.is_cancelled() { Err(EnvError::Stopped) } else { Ok(()) };
         let graph = self.graph(job);
+        go_on()?;
         stage += usize::from(graph.is_some());
         let greedy = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
@@ -82,19 +83,17 @@ impl EvaluationJob {
                 !job.is_cancelled()
             };
             let runs = run_tasks(world, &tasks.tasks, actor, rng, &mut watch)?;
+            go_on()?;
             Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
         let planned_score = planned.as_ref().map(&mut score).transpose()?;
-        let greedy_score = if job.is_cancelled() { None } else { Some(score(&greedy)?) };
-        let Some(greedy_score) = greedy_score.filter(|_| !job.is_cancelled()) else {
-            return Ok(None);
-        };
+        let greedy_score = score(&greedy)?;
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
         let distance_error = truth.as_mut().and_then(|truth| {
             let pairs = truth.pairs(rng);
             distance_error(&pairs, &*self.policy, graph.as_ref())
         });
-        Ok(Some(Evaluation {
+        Ok(Evaluation {
             distance_error,
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
             coverage: self.coverage,
@@ -102,7 +101,7 @@ impl EvaluationJob {
             greedy: greedy_score,
             planned: planned_score,
             straight: self.straight_score(tasks)?,
-        }))
+        })
     }
 
     fn straight_score(&self, tasks: &TaskSet) -> Result<Option<Score>, EnvError> {
@@ -131,12 +130,12 @@ impl EvaluationJob {
         )))
     }
 
-    /// Builds the graph to plan on, for methods that plan; returns `None` once `job` is cancelled.
-    /// Says how far it is, as one stage of its progress.
+    /// Builds the graph to plan on, for methods that plan, of which `job` is told how far it is; ends
+    /// early once that is cancelled.
     pub fn graph(&self, job: &Job) -> Option<BridgeGraph> {
         let candidates = self.candidates.as_ref()?;
         let empty = BridgeGraph::empty(self.world.spec(), &candidates.settings);
-        empty.renewed(job, candidates, |_| true, &*self.policy, &mut Scratch::default())
+        Some(empty.renewed(job, candidates, |_| true, &*self.policy, &mut Scratch::default()))
     }
 
     pub fn policy(&self) -> &dyn Policy {

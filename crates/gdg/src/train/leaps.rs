@@ -38,14 +38,11 @@ impl Leaps {
     }
 
     pub fn fit(&self, spec: &Spec) -> bool {
-        let fits = |numbers: &[f32], length: usize| {
-            numbers.len() == length && numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE)
+        let fits = |at: &Vec<f32>| {
+            at.len() == spec.goal_dim() && at.iter().all(|v| v.abs() <= MAX_MAGNITUDE)
         };
         self.0.len() <= MOST_LEAPS
-            && self
-                .0
-                .iter()
-                .all(|leap| fits(&leap.from, spec.goal_dim()) && fits(&leap.to, spec.goal_dim()))
+            && self.0.iter().flat_map(|leap| [&leap.from, &leap.to]).all(fits)
     }
 
     pub fn note(&mut self, spec: &Spec, state: &[f32], next: &[f32]) {

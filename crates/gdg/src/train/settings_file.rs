@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 use super::settings::{OutOfRange, SETTINGS, Settings};
 use crate::env::{WORLDS, WorldKind};
 use crate::files::{self, FileFormat, Wanted};
-use crate::settings::{GROUPS, Preset, Setting};
+use crate::settings::{Effect, GROUPS, Preset, Setting, USUAL};
 use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, sanitized, truncated};
 
 #[derive(Clone, Debug, Default)]
@@ -361,41 +361,37 @@ fn offset_of(text: &str, line: usize, column: usize) -> usize {
 }
 
 pub fn reference_page() -> String {
-    let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` \
-                    (JSON, in the format of `--print-config`), or change any of them during \
-                    training with `o`. Former names still work. This page is printed by `gdg-tui \
-                    settings`.\n\nSome worlds bring default settings of their own, on top of the \
-                    presets that adapt to the world:\n\n"
-        .to_owned();
+    let mut page = "# Settings\n\n```sh\ngdg-tui --set learning_rate=0.003 --set hidden=64\n```\n
+Set one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as of `--print-config`), or change any of
+them during training with `o`. A change takes effect immediately, unless the last column says otherwise. The
+usual ones come first, with what they do to success early in training, as [measured](research/settings.md).
+Former names still work. This page is printed by `gdg-tui settings`.
+
+Some worlds bring default settings of their own, on top of the presets `default` and `tuned`; `paper` and `sb3`
+stay as published. `--config` and `--set` come last.
+
+"
+    .to_owned();
     for WorldKind { name, defaults, .. } in WORLDS.iter().filter(|kind| !kind.defaults.is_empty()) {
         page += &format!("- `{name}`: `{}`\n", defaults.join(" "));
     }
-    let (adapt, published): (Vec<Preset>, Vec<Preset>) =
-        Preset::ALL.iter().partition(|preset| preset.adapts_to_world());
-    let list = |presets: &[Preset]| {
-        presets.iter().map(|p| format!("`{}`", p.name())).collect::<Vec<_>>().join(" and ")
-    };
-    page += &format!(
-        "\nThese presets are {}; {} stay as published. `--config` and `--set` come last.\n",
-        list(&adapt),
-        list(&published)
-    );
     let presets = Preset::ALL.map(|preset| list_settings(&preset.settings()));
     let names = Preset::ALL.map(Preset::name).join(" | ");
     let columns = "---|".repeat(Preset::ALL.len() + 5);
-    for group in GROUPS {
+    for group in [USUAL].into_iter().chain(GROUPS) {
         page += &format!(
             "\n## {group}\n\n| setting | {names} | unit | values | description | effect of a change \
              |\n|{columns}\n"
         );
         for (i, setting) in
-            SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group)
+            SETTINGS.iter().enumerate().filter(|(_, setting)| setting.heading() == group)
         {
-            let Setting { name, about, unit, values: range, effect, .. } = setting;
-            let effect = effect.about();
+            let Setting { name, about, usual, unit, values: range, effect, .. } = setting;
+            let effect = if *effect == Effect::Immediate { "" } else { effect.about() };
             let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
             // A bar would end the cell.
-            let about = about.replace('|', "\\|");
+            let about = [*about, usual].join(". ").replace('|', "\\|");
+            let about = about.trim_end_matches(". ");
             page += &format!("| `{name}` | {values} | {unit} | {range} | {about} | {effect} |\n");
         }
     }

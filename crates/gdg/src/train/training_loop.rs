@@ -1,7 +1,6 @@
 //! The training loop of all front ends: ticks, and what is due between them.
 
 use std::collections::VecDeque;
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use super::TrainError;
@@ -32,25 +31,29 @@ pub struct Schedule {
     pub save_every: Option<Duration>,
 }
 
+/// What a front end hears of training, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Due {
-    /// Report that training was rolled back to earlier networks.
+pub enum TrainingEvent {
+    /// Training was rolled back to earlier networks.
     Recovery(Recovery),
+    /// Progress is to be reported.
     Progress,
-    /// Make the edit with this index in [`Schedule::edits`].
+    /// The edit with this index in [`Schedule::edits`] is to be made.
     Edit(usize),
-    /// Evaluate the run, also if it has reached its limit.
+    /// The run is to be evaluated, also if it has reached its limit.
     Evaluation,
+    /// The run is to be saved.
     Save,
+    /// A tick has been run, and nothing more is due after it.
+    Ticked(Tick),
+    Ended(EndReason),
 }
 
-/// Runs a trainer tick by tick and reports what is due in between.
-///
-/// A front end alternates: it does all that [`Self::next_due`] returns, then calls [`Self::tick`].
+/// Runs a trainer tick by tick, and tells a front end what is due in between.
 #[derive(Debug)]
 pub struct TrainingLoop {
     schedule: Schedule,
-    due: VecDeque<Due>,
+    due: VecDeque<TrainingEvent>,
     /// Evaluations that have been due so far; one that is not finite leaves no trace in the
     /// history.
     evaluations: usize,
@@ -74,35 +77,35 @@ impl TrainingLoop {
         session
     }
 
-    pub fn next_due(&mut self) -> Option<Due> {
-        self.due.pop_front()
-    }
-
-    /// Runs one tick, unless training is to stop or has reached one of `limits`.
-    pub fn tick(
+    /// Returns what is still due, or else runs one tick, unless training is to stop or has reached
+    /// one of `limits`.
+    pub fn next(
         &mut self,
         trainer: &mut Trainer,
         limits: &Limits,
-    ) -> Result<ControlFlow<EndReason, Tick>, TrainError> {
+    ) -> Result<TrainingEvent, TrainError> {
+        if let Some(due) = self.due.pop_front() {
+            return Ok(due);
+        }
         if trainer.job().is_cancelled() {
-            return Ok(ControlFlow::Break(EndReason::Interrupted));
+            return Ok(TrainingEvent::Ended(EndReason::Interrupted));
         }
         if let Some(reason) = trainer.limit_reached(limits) {
-            return Ok(ControlFlow::Break(reason));
+            return Ok(TrainingEvent::Ended(reason));
         }
         crate::faults::point("trainer");
         let tick = match trainer.tick() {
             Err(TrainError::Env(EnvError::Stopped)) => {
-                return Ok(ControlFlow::Break(EndReason::Interrupted));
+                return Ok(TrainingEvent::Ended(EndReason::Interrupted));
             }
             ticked => ticked?,
         };
-        self.due.extend(trainer.take_recovery().map(Due::Recovery));
+        self.due.extend(trainer.take_recovery().map(TrainingEvent::Recovery));
         let updates = (tick == Tick::Update).then(|| trainer.counters().updates);
         if let Some(updates) = updates {
             let progress = self.schedule.progress_every_updates;
             if progress.is_some_and(|every| updates.is_multiple_of(every)) {
-                self.due.push_back(Due::Progress);
+                self.due.push_back(TrainingEvent::Progress);
             }
             self.add_edits(updates);
         }
@@ -114,15 +117,17 @@ impl TrainingLoop {
             && self.schedule.save_every.is_some_and(is_time)
             && trainer.is_finite()?
         {
-            self.due.push_back(Due::Save);
+            self.due.push_back(TrainingEvent::Save);
             self.saved_at = Instant::now();
         }
-        Ok(ControlFlow::Continue(tick))
+        self.due.push_back(TrainingEvent::Ticked(tick));
+        self.next(trainer, limits)
     }
 
     fn add_edits(&mut self, updates: u64) {
         let edits = self.schedule.edits.iter().enumerate();
-        self.due.extend(edits.filter(|(_, at)| **at == updates).map(|(i, _)| Due::Edit(i)));
+        self.due
+            .extend(edits.filter(|(_, at)| **at == updates).map(|(i, _)| TrainingEvent::Edit(i)));
     }
 
     /// Adds the evaluations that are due; `is_new_update` says whether the latest update has not
@@ -146,7 +151,7 @@ impl TrainingLoop {
             EvaluateAt::Never | EvaluateAt::EnvSteps(_) => 0,
         };
         self.evaluations += count;
-        self.due.extend(std::iter::repeat_n(Due::Evaluation, count));
+        self.due.extend(std::iter::repeat_n(TrainingEvent::Evaluation, count));
     }
 }
 
@@ -163,13 +168,13 @@ mod tests {
         session: &mut TrainingLoop,
         trainer: &mut Trainer,
         limits: Limits,
-    ) -> (Vec<(u64, Due)>, EndReason) {
+    ) -> (Vec<(u64, TrainingEvent)>, EndReason) {
         let mut all = Vec::new();
         loop {
-            let updates = trainer.counters().updates;
-            all.extend(std::iter::from_fn(|| session.next_due()).map(|due| (updates, due)));
-            if let ControlFlow::Break(reason) = session.tick(trainer, &limits).expect("it trains") {
-                return (all, reason);
+            match session.next(trainer, &limits).expect("it trains") {
+                TrainingEvent::Ticked(_) => {}
+                TrainingEvent::Ended(reason) => return (all, reason),
+                due => all.push((trainer.counters().updates, due)),
             }
         }
     }
@@ -184,8 +189,9 @@ mod tests {
         };
         let limits = Limits { updates: Some(5), ..Limits::default() };
         let (all, reason) = course(&mut TrainingLoop::new(schedule), &mut trainer(), limits);
-        let (edit, at_four) = (Due::Edit, |due| (4, due));
-        let expected = [Due::Progress, edit(0), edit(2), Due::Evaluation].map(at_four);
+        let (edit, at_four) = (TrainingEvent::Edit, |due| (4, due));
+        let expected =
+            [TrainingEvent::Progress, edit(0), edit(2), TrainingEvent::Evaluation].map(at_four);
         assert_eq!(all, [vec![(2, edit(1))], expected.to_vec()].concat());
         assert_eq!(reason, EndReason::MaxUpdates);
     }
@@ -197,13 +203,16 @@ mod tests {
         let limits = Limits { env_steps: Some(300), ..Limits::default() };
         let (mut session, mut trainer) = (TrainingLoop::new(schedule.clone()), trainer());
         let (all, reason) = course(&mut session, &mut trainer, limits);
-        assert_eq!(all.iter().map(|(_, due)| *due).collect::<Vec<_>>(), [Due::Evaluation; 3]);
+        assert_eq!(
+            all.iter().map(|(_, due)| *due).collect::<Vec<_>>(),
+            [TrainingEvent::Evaluation; 3]
+        );
         assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
         assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
         let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
         trainer.record_evaluation(trainer.moment(), evaluation);
-        let mut resumed = TrainingLoop::resume(schedule, &trainer);
-        assert_eq!(std::iter::from_fn(|| resumed.next_due()).count(), 2, "one of three is made");
+        let resumed = TrainingLoop::resume(schedule, &trainer);
+        assert_eq!(resumed.due.len(), 2, "one of three is made");
     }
 
     #[test]
@@ -217,16 +226,13 @@ mod tests {
         let mut trainer = trainer();
         let limits = Limits { updates: Some(3), ..Limits::default() };
         course(&mut TrainingLoop::new(Schedule::default()), &mut trainer, limits);
-        let due = |trainer: &Trainer| {
-            let mut session = TrainingLoop::resume(schedule.clone(), trainer);
-            std::iter::from_fn(|| session.next_due()).collect::<Vec<_>>()
-        };
-        assert_eq!(due(&trainer), [Due::Edit(0), Due::Evaluation]);
+        let due = |trainer: &Trainer| TrainingLoop::resume(schedule.clone(), trainer).due;
+        assert_eq!(due(&trainer), [TrainingEvent::Edit(0), TrainingEvent::Evaluation]);
         let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
         trainer.record_evaluation(trainer.moment(), evaluation);
-        assert_eq!(due(&trainer), [Due::Edit(0)]);
+        assert_eq!(due(&trainer), [TrainingEvent::Edit(0)]);
         trainer.job().cancel();
-        let ended = TrainingLoop::new(schedule).tick(&mut trainer, &Limits::default());
-        assert_eq!(ended.expect("no tick"), ControlFlow::Break(EndReason::Interrupted));
+        let ended = TrainingLoop::new(schedule).next(&mut trainer, &Limits::default());
+        assert_eq!(ended.expect("no tick"), TrainingEvent::Ended(EndReason::Interrupted));
     }
 }

@@ -7,7 +7,7 @@ use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fact, short};
 use crate::tui::render::curves::group_name;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
-use crate::tui::style::BOLD;
+use crate::tui::theme::BOLD;
 use gdg::engine::NextEvaluation;
 use gdg::env::DistanceUnit;
 use gdg::learn::{Losses, TrainingPhase};

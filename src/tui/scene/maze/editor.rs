@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ratatui::layout::Position;
 
-use crate::tui::tool::Tool;
+use crate::tui::choices::Tool;
 use crate::tui::viewport::MapFrame;
 use gdg::map::{Cell, Grid};
 

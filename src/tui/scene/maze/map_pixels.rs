@@ -10,12 +10,10 @@ use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
 use super::MazeState;
-use crate::tui::canvas::{Canvas, Ink};
-use crate::tui::contours;
+use crate::tui::canvas::{Canvas, Ink, contour_interval, draw_contours};
+use crate::tui::choices::{Marker, Overlay, Overlays};
 use crate::tui::graphics::{Redraw, TerminalPicture};
 use crate::tui::layout::ScreenLayout;
-use crate::tui::marker::Marker;
-use crate::tui::overlay::{Overlay, Overlays};
 use crate::tui::scene::SceneKind;
 use crate::tui::scene::ground::{self, Colours, GroundKind, Look};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, Painter};
@@ -239,9 +237,9 @@ impl BaseLayer {
                 _ => f32::NAN,
             };
             let open: Vec<f32> = field.iter().zip(&grounds).map(open).collect();
-            let own = contours::interval(&[(&open, columns)], is_fine, interval);
+            let own = contour_interval(&[(&open, columns)], is_fine, interval);
             if let Some(interval) = shown_interval(own, screen) {
-                contours::draw(&mut canvas, (&open, columns), interval, &theme);
+                draw_contours(&mut canvas, (&open, columns), interval, &theme);
             }
             own
         });

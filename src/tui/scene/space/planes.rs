@@ -5,19 +5,17 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::text::Line;
 
 use super::{SpaceState, space};
-use crate::tui::canvas::{Canvas, Ink};
-use crate::tui::contours;
+use crate::tui::canvas::{self, Canvas, Ink, draw_contours};
+use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::overlay::Overlay;
 use crate::tui::pane_text::heading;
-use crate::tui::projection::{Angle, Projection, arrange};
 use crate::tui::scene::SceneKind;
 use crate::tui::scene::ground::{self, Colours, Look};
 use crate::tui::scene::legend::{contour_text, draw_scale, edge_lines, sign};
 use crate::tui::scene::overlays::Painter;
 use crate::tui::screen::Screen;
-use crate::tui::style::{BOLD, REVERSED};
-use crate::tui::theme::{ColourDepth, blend};
+use crate::tui::theme::{BOLD, ColourDepth, REVERSED, blend};
+use crate::tui::viewport::{Angle, Projection, arrange};
 use gdg::env::fetch_reach::{Corners, Pose};
 use gdg::env::{ArmScene, GoalSpace, WorldScene};
 
@@ -77,7 +75,7 @@ fn contour_interval(state: &SpaceState, screen: &Screen) -> Option<f32> {
         && screen.overlays.has(Overlay::Contours);
     let fields = view.fields.iter().zip(view.planes.iter());
     let fields: Vec<_> = fields.map(|(field, plane)| (&**field, plane.raster.pixels.0)).collect();
-    contours::interval(&fields, false, None).filter(|_| shown)
+    canvas::contour_interval(&fields, false, None).filter(|_| shown)
 }
 
 fn draw_projection(
@@ -214,7 +212,7 @@ fn draw_field(
     };
     ground::draw(&mut painter.canvas, field, &colours, looks, |_, _| false);
     if let (Some(field), Some(interval)) = (field, layout.contour_interval) {
-        contours::draw(&mut painter.canvas, field, interval, &theme);
+        draw_contours(&mut painter.canvas, field, interval, &theme);
     }
 }
 

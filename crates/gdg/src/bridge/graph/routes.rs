@@ -403,22 +403,22 @@ impl BridgeGraph {
     }
 
     /// Finds the distances that have changed since the networks learned them: those of `by_goal`
-    /// that are far longer or shorter along the graph than D says. Returns `None` once `cancelled`
-    /// is true.
+    /// that are far longer or shorter along the graph than D says. Ends early once `job` is
+    /// cancelled.
     pub fn changed_distances(
         &self,
         by_goal: &DistancesByGoal,
         policy: &dyn Policy,
         scratch: &mut Scratch,
         job: &Job,
-    ) -> Option<ChangedDistances> {
+    ) -> ChangedDistances {
         let (count, hop) = (self.candidates.len(), self.hop_steps());
         let mut changed = ChangedDistances::default();
         let mut distances = vec![0.0; count];
         let places = by_goal.checked_places();
         for (goal, lengths) in places.iter().zip(by_goal.steps.chunks_exact(count)) {
             if job.is_cancelled() {
-                return None;
+                break;
             }
             job.set(changed.goals.len(), places.len());
             changed.goals.push(*goal);
@@ -434,7 +434,7 @@ impl BridgeGraph {
                 changed.upper.push(if shrunk { steps } else { f32::MAX });
             }
         }
-        Some(changed)
+        changed
     }
 }
 

@@ -180,6 +180,15 @@ impl Replay {
         }
     }
 
+    /// Visits all transitions: calls `visit` with the states before and after each.
+    pub fn visit_steps(&self, mut visit: impl FnMut(&[f32], &[f32])) {
+        let mut from = None;
+        for (moment, left) in self.slots() {
+            from.into_iter().for_each(|from| visit(from, self.state(moment)));
+            from = (left > 0).then(|| self.state(moment));
+        }
+    }
+
     /// Copies all complete episodes to `other`, each to the agent with the least data; if there is
     /// not enough room, each agent's oldest episodes are overwritten.
     pub(crate) fn copy_episodes_into(&self, other: &mut Self) {

@@ -85,12 +85,8 @@ impl Building {
         let job = Arc::new(job);
         let result = Arc::new(OnceLock::new());
         let (own, place) = (job.clone(), result.clone());
-        let build = move |building: &Job| {
-            if let Some(built) = own.run(at, building) {
-                // The place is this thread's alone.
-                let _ = place.set(built);
-            }
-        };
+        // The place is this thread's alone.
+        let build = move |building: &Job| drop(place.set(own.run(at, building)));
         let running = Running::start("bridge graph", Job::new("building the graph"), build);
         Self { at, job, result, running }
     }
@@ -98,13 +94,13 @@ impl Building {
     /// Waits for the graph; builds it if its thread has panicked.
     fn wait(&self) -> BuiltGraph {
         self.running.wait(Duration::MAX);
-        self.result.get().cloned().unwrap_or_else(|| self.job.finish(self.at))
+        self.result.get().cloned().unwrap_or_else(|| self.job.run(self.at, &Job::default()))
     }
 
     fn join(self) -> BuiltGraph {
         let Self { at, job, result, running } = self;
         running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        result.get().cloned().unwrap_or_else(|| job.finish(at))
+        result.get().cloned().unwrap_or_else(|| job.run(at, &Job::default()))
     }
 }
 
@@ -119,7 +115,8 @@ pub struct StoredBuild {
 }
 
 impl GraphJob {
-    fn run(&self, at: u64, job: &Job) -> Option<BuiltGraph> {
+    /// Builds the graph; ends early once `job` is cancelled.
+    fn run(&self, at: u64, job: &Job) -> BuiltGraph {
         crate::faults::point("graph");
         let (mut scratch, policy, candidates) =
             (Scratch::default(), &*self.policy, &self.candidates);
@@ -130,20 +127,16 @@ impl GraphJob {
             Some(round) => {
                 let is_due =
                     |i| (u64::from(candidates.id(i)) + round).is_multiple_of(RENEWAL_ROUNDS);
-                Arc::new(self.before.renewed(job, candidates, is_due, policy, &mut scratch)?)
+                Arc::new(self.before.renewed(job, candidates, is_due, policy, &mut scratch))
             }
         };
         let mut built = BuiltGraph::new(at, graph, &mut self.rng.clone());
         if let Some(by_goal) = built.distilled.as_ref().filter(|_| self.finds_changed) {
             job.begin(1, stages);
-            let changed = built.graph.changed_distances(by_goal, policy, &mut scratch, job)?;
+            let changed = built.graph.changed_distances(by_goal, policy, &mut scratch, job);
             built.changed = Some(Arc::new(changed));
         }
-        Some(built)
-    }
-
-    fn finish(&self, at: u64) -> BuiltGraph {
-        self.run(at, &Job::default()).unwrap_or_else(|| unreachable!("nobody cancels it"))
+        built
     }
 }
 
@@ -250,7 +243,7 @@ impl Trainer {
         let mut scratch = Scratch::default();
         let never = Job::default();
         let graph = current.graph.renewed(&never, &candidates, |i| near[i], &*policy, &mut scratch);
-        let graph = Arc::new(graph.unwrap_or_else(|| unreachable!("nothing cancels it")));
+        let graph = Arc::new(graph);
         // Its distances are not known yet. Episodes stay as long as they were.
         self.graphs.current = Some(BuiltGraph {
             at: self.counters.updates,

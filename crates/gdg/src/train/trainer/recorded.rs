@@ -53,10 +53,9 @@ impl Trainer {
         }
         self.replay = self.replay_of(data);
         let editable = self.rollout.env().abilities().editable;
-        let possible = |s: &[f32], a: &[f32], next: &[f32]| {
-            editable.is_none_or(|editable| editable.is_possible(s, a, next))
-        };
-        let (impossible, _) = self.replay.retain_possible(|s, a, next| Some(possible(s, a, next)));
+        let (impossible, _) = self.replay.retain_possible(|s, a, next| {
+            Some(editable.is_none_or(|editable| editable.is_possible(s, a, next)))
+        });
         let by_chance = self.leave_out_leaps();
         let removed = impossible + by_chance;
         let Self { visits, replay, rollout, .. } = self;
@@ -114,27 +113,17 @@ impl Trainer {
     fn note_recorded(&mut self) {
         let Rollout { env, excursions, .. } = &mut self.rollout;
         let spec = env.spec();
-        let mut before: Option<Vec<f32>> = None;
-        self.replay.visit_rows(|state, _, is_last| {
-            if let Some(from) = before.as_ref().filter(|_| spec.state_dim() > spec.goal_dim()) {
-                excursions.note_recorded(spec, [from, state]);
-            }
-            before = (!is_last).then(|| state.to_vec());
-        });
+        if spec.state_dim() > spec.goal_dim() {
+            self.replay.visit_steps(|from, to| excursions.note_recorded(spec, [from, to]));
+        }
         excursions.look(spec);
     }
 
     /// Leaves out leaps that chance may have decided; returns how many.
     fn leave_out_leaps(&mut self) -> usize {
         let spec = self.rollout.env().spec().clone();
-        let mut before: Option<Vec<f32>> = None;
         let leaps = &mut self.rollout.leaps;
-        self.replay.visit_rows(|state, _, is_last| {
-            if let Some(from) = &before {
-                leaps.note(&spec, from, state);
-            }
-            before = (!is_last).then(|| state.to_vec());
-        });
+        self.replay.visit_steps(|from, to| leaps.note(&spec, from, to));
         if leaps.is_empty() {
             return 0;
         }
@@ -216,8 +205,12 @@ impl Trainer {
     }
 
     /// Returns what to tell the user of when a checkpoint is saved.
-    pub fn take_warnings(&self) -> Vec<String> {
-        self.world().take_warnings().into_iter().chain(self.lost_data()).collect()
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        let lost = self.lost_data();
+        if lost.is_some() {
+            self.own_replay();
+        }
+        self.world().take_warnings().into_iter().chain(lost).collect()
     }
 
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {

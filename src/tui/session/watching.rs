@@ -1,36 +1,119 @@
-//! Training and time: pausing, stepping, speed, freezing, and looking back at the film of how
-//! distance was learned.
+//! What keys do while a run is watched: training, looking back at the film of how distance was learned,
+//! and the view: fields, overlays, panes and colours.
 
 use std::sync::Arc;
 
 use super::Cx;
 use crate::tui::action::Action;
+use crate::tui::choices::{Marker, Overlays, Pane};
 use crate::tui::render::curves::along;
 use crate::tui::screen::Screen;
+use crate::tui::theme::{ColourDepth, Theme, ThemeName};
 use gdg::engine::{EngineCommand, Step};
 use gdg::train::FilmFrame;
-use gdg::viewer::Request;
+use gdg::viewer::{Field, OnArrival, Request};
+
+pub fn set_on_arrival(cx: &mut Cx, on_arrival: OnArrival) {
+    cx.screen.on_arrival = on_arrival;
+    cx.screen.request(Request::OnArrival(on_arrival));
+}
+
+pub fn next_on_arrival(cx: &mut Cx) {
+    set_on_arrival(cx, cx.screen.on_arrival.next());
+    cx.screen.say(&format!("at the goal @ will {}", cx.screen.on_arrival.name()));
+}
+
+pub fn show_field(cx: &mut Cx, field: Field) {
+    cx.screen.field = field;
+    cx.screen.request(Request::Field(field));
+}
+
+pub fn next_field(cx: &mut Cx, forward: bool) {
+    let next = cx.screen.field.cycle(forward, |field| cx.scene.has_field(field, &cx.screen));
+    show_field(cx, next);
+}
+
+pub fn toggle_overlay(cx: &mut Cx, action: Action) {
+    let Action::Toggle(overlay) = action else { return };
+    let screen = &mut cx.screen;
+    if let Some(why) = screen.why_not(overlay) {
+        return screen.say(&why);
+    }
+    let shown = screen.overlays.toggle(overlay);
+    cx.scene.act(action, screen);
+    screen.say(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
+}
+
+pub fn change_marker(cx: &mut Cx) {
+    let screen = &mut cx.screen;
+    let all = Marker::ALL;
+    let at = all.iter().position(|m| *m == screen.marker).unwrap_or(0);
+    screen.marker = all[(at + 1) % all.len()];
+    let none = screen.marker == Marker::Pixels && screen.picture_character().is_none();
+    let more = if none { " (not supported here: as auto)" } else { "" };
+    screen.say(&format!("marker: {}{more}", screen.marker.name()));
+}
+
+pub fn set_theme(screen: &mut Screen, name: ThemeName) {
+    let theme = Theme::new(name, ColourDepth::detect());
+    // Overlays that the user has chosen are left alone.
+    if screen.overlays == Overlays::by_default(screen.theme.depth) {
+        screen.overlays = Overlays::by_default(theme.depth);
+    }
+    screen.theme = theme;
+}
+
+/// Shows a pane: instead of the map if there is no room beside it.
+pub fn show(cx: &mut Cx, action: Action) {
+    if let Action::Show(pane) = action {
+        (cx.screen.pane, cx.screen.scrolled) = (pane, 0);
+        cx.screen.maximised |= cx.screen.layout.lacks_panel;
+    }
+}
+
+/// Shows the next pane. If there is no room beside the map, the map comes after the last one.
+pub fn show_next(cx: &mut Cx) {
+    let last = cx.screen.pane == Pane::ALL[Pane::ALL.len() - 1];
+    match (cx.screen.layout.lacks_panel, cx.screen.maximised) {
+        (true, true) if last => cx.screen.maximised = false,
+        (true, false) => show(cx, Action::Show(Pane::ALL[0])),
+        _ => show(cx, Action::Show(cx.screen.pane.next())),
+    }
+}
+
+/// Leaves what is on top: the past, or something enlarged.
+pub fn close_top(cx: &mut Cx) {
+    if cx.screen.return_to_present()
+        || cx.scene.close(&mut cx.screen)
+        || std::mem::take(&mut cx.screen.maximised)
+    {
+        return;
+    }
+    if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
+        cx.scene.act(Action::ZoomOff, &mut cx.screen);
+    }
+}
 
 /// Selectable speed limits, in updates per second; beyond the last one there is no limit.
 const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];
 
 pub fn toggle_pause(cx: &mut Cx) {
     let trains = cx.snapshots().borrow().phase.is_training();
-    if cx.command(if trains { EngineCommand::Pause } else { EngineCommand::Resume }) {
+    if cx.screen.command(if trains { EngineCommand::Pause } else { EngineCommand::Resume }) {
         cx.screen.pausing = trains;
     }
 }
 
 /// Runs a step, pausing training first if necessary.
 pub fn step(cx: &mut Cx, step: Step) {
-    if cx.screen.snapshot.phase.is_training() && cx.command(EngineCommand::Pause) {
+    if cx.screen.snapshot.phase.is_training() && cx.screen.command(EngineCommand::Pause) {
         cx.screen.pausing = true;
     }
-    cx.command(EngineCommand::Step(step));
+    cx.screen.command(EngineCommand::Step(step));
 }
 
 pub fn evaluate(cx: &mut Cx) {
-    cx.command(EngineCommand::Evaluate);
+    cx.screen.command(EngineCommand::Evaluate);
 }
 
 pub fn change_speed(cx: &mut Cx, faster: bool) {
@@ -46,7 +129,7 @@ pub fn change_speed(cx: &mut Cx, faster: bool) {
     } else {
         SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
     };
-    if cx.command(EngineCommand::LimitSpeed(speed)) {
+    if cx.screen.command(EngineCommand::LimitSpeed(speed)) {
         cx.screen.say(&match speed {
             Some(speed) => format!("at most {speed:.0} updates per second"),
             None => "no speed limit".to_owned(),
@@ -92,20 +175,20 @@ pub fn look_at_curves(cx: &mut Cx, at: f64) {
 
 /// Returns to the present for what is about it, and says so.
 pub fn leave_past(cx: &mut Cx) {
-    if cx.return_to_present() {
+    if cx.screen.return_to_present() {
         cx.screen.say("back in the present");
     }
 }
 
 pub fn look_at(cx: &mut Cx, frame: Option<Arc<FilmFrame>>) {
     if frame.is_none() {
-        cx.return_to_present();
+        cx.screen.return_to_present();
     } else {
         if cx.screen.past.is_none() {
             cx.screen.say("the map shows the past; panes show the present");
         }
         cx.screen.past.clone_from(&frame);
-        cx.link.request(Request::Past(frame));
+        cx.screen.request(Request::Past(frame));
     }
 }
 

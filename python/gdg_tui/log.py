@@ -1,0 +1,209 @@
+"""Logs runs to Weights & Biases, Trackio, TensorBoard or MLflow, from the records of gdg-tui.
+
+    gdg-tui --no-ui fourrooms --max-updates 20000 | tee -i run.jsonl | python -m gdg_tui.log --to wandb
+    python -m gdg_tui.log run.jsonl resumed.jsonl --to tensorboard
+    python -m gdg_tui.log saves/suite/jobs/*.json --to mlflow
+
+Records are lines of JSON as `--no-ui` writes them, of files or of standard input while the run goes
+on, or results of the jobs of `suite` and `reproduce`. The step is the number of updates. A run has
+the same ID whenever it is logged: what is resumed goes on in its curve.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import pathlib
+import re
+import signal
+import sys
+import time
+from typing import Any, Iterator
+
+ID_LENGTH = 12
+
+
+class WandB:
+    def __init__(self, project: str, name: str, config: dict[str, Any], first: int) -> None:
+        import wandb
+
+        # With this ID, what the service has already is left out: a resumed run repeats some of it.
+        self.image, own = wandb.Image, name[-ID_LENGTH:]
+        self.run = wandb.init(project=project, id=own, name=name, config=config, resume="allow")
+
+    def log(self, values: dict[str, float], step: int) -> None:
+        self.run.log(values, step=step)
+
+    def picture(self, path: pathlib.Path, step: int) -> None:
+        self.run.log({"map": self.image(str(path))}, step=step)
+
+    def close(self) -> None:
+        self.run.finish()
+
+
+class Trackio(WandB):
+    def __init__(self, project: str, name: str, config: dict[str, Any], first: int) -> None:
+        import trackio
+
+        self.image = trackio.Image
+        self.run = trackio.init(project=project, name=name, config=config, resume="allow")
+
+
+class TensorBoard:
+    """Event files in a folder, one below it for each run."""
+
+    def __init__(self, project: str, name: str, config: dict[str, Any], first: int) -> None:
+        from tensorboard.compat.proto import event_pb2, summary_pb2
+        from tensorboard.plugins.hparams.summary_v2 import hparams_pb
+        from tensorboard.summary.writer.event_file_writer import EventFileWriter
+
+        self.event, self.summary = event_pb2.Event, summary_pb2.Summary
+        self.writer = EventFileWriter(str(pathlib.Path(project, name)))
+        # What follows replaces what the run had logged after it was saved.
+        start = event_pb2.SessionLog(status=event_pb2.SessionLog.START)
+        self.write(first + 1, session_log=start)
+        self.write(first, summary=hparams_pb(config, trial_id=name))
+
+    def write(self, step: int, **what: Any) -> None:
+        self.writer.add_event(self.event(step=step, wall_time=time.time(), **what))
+        self.writer.flush()
+
+    def log(self, values: dict[str, float], step: int) -> None:
+        own = [self.summary.Value(tag=tag, simple_value=value) for tag, value in values.items()]
+        self.write(step, summary=self.summary(value=own))
+
+    def picture(self, path: pathlib.Path, step: int) -> None:
+        data = path.read_bytes()
+        width, height = (int.from_bytes(data[at : at + 4], "big") for at in (16, 20))
+        image = {"width": width, "height": height, "colorspace": 3, "encoded_image_string": data}
+        value = self.summary.Value(tag="map", image=self.summary.Image(**image))
+        self.write(step, summary=self.summary(value=[value]))
+
+    def close(self) -> None:
+        self.writer.close()
+
+
+class MLflow:
+    def __init__(self, project: str, name: str, config: dict[str, Any], first: int) -> None:
+        import mlflow
+
+        self.mlflow, own = mlflow, name[-ID_LENGTH:]
+        mlflow.set_experiment(project)
+        known = mlflow.search_runs(filter_string=f"tags.gdg_run = '{own}'", output_format="list")
+        if known:
+            mlflow.start_run(run_id=known[0].info.run_id)
+        else:
+            mlflow.start_run(run_name=name, tags={"gdg_run": own})
+            mlflow.log_params(config)
+
+    def log(self, values: dict[str, float], step: int) -> None:
+        self.mlflow.log_metrics(values, step=step)
+
+    def picture(self, path: pathlib.Path, step: int) -> None:
+        self.mlflow.log_artifact(str(path))
+
+    def close(self) -> None:
+        self.mlflow.end_run()
+
+
+SERVICES = {"wandb": WandB, "trackio": Trackio, "tensorboard": TensorBoard, "mlflow": MLflow}
+
+
+def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yields what a record contains, by names such as `planned/success`."""
+    parts = enumerate(value, 1) if isinstance(value, list) else None
+    parts = value.items() if isinstance(value, dict) else parts
+    if parts is not None:
+        for key, part in parts:
+            yield from flat(part, f"{name}/{key}" if name else str(key))
+    elif value is not None:
+        yield name, value
+
+
+def records(path: pathlib.Path | None) -> Iterator[dict[str, Any]]:
+    """Yields the records of a file or of standard input, or what a job's result amounts to."""
+    text = path.read_text(encoding="utf-8") if path else ""
+    if path and path.suffix == ".json":
+        job = json.loads(text)
+        evaluations = job.pop("evaluations")
+        yield {"event": "start", **job, "updates": 0}
+        yield from ({"event": "evaluation", **evaluation} for evaluation in evaluations)
+        yield {"event": "end", "picture": path.parents[1] / "pictures" / f"{path.stem}.png"}
+        return
+    for number, line in enumerate(text.splitlines() if path else sys.stdin, 1):
+        try:
+            yield json.loads(line)
+        except ValueError:
+            print(f"{path or 'standard input'}:{number}: no record, left out", file=sys.stderr)
+
+
+def described(start: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Returns the name of a run, which ends in its ID, and its configuration."""
+    varies = ("event", "updates", "resumed", "threads", "seconds")
+    fixed = {key: value for key, value in start.items() if key not in varies}
+    key = hashlib.sha256(json.dumps(fixed, sort_keys=True).encode()).hexdigest()[:ID_LENGTH]
+    world, settings = start.get("map", start.get("world")), start.get("settings") or []
+    if isinstance(settings, dict):
+        settings = [f"{name}={value}" for name, value in settings.items()]
+    world = world["name"] if isinstance(world, dict) else world
+    name = "-".join(map(str, [world, start.get("method"), *settings, start.get("seed"), key]))
+    plain = lambda value: value if isinstance(value, (int, float)) else str(value)
+    return re.sub(r"[^\w.=+-]+", "_", name), {part: plain(value) for part, value in flat(fixed)}
+
+
+def numbers(event: str, record: dict[str, Any]) -> dict[str, float]:
+    """Returns what is logged of a record: of tasks by distance, success alone."""
+    prefix = "" if event in ("evaluation", "progress") else f"{event}/"
+    found = ((prefix + name, value) for name, value in flat(record) if name != "updates")
+    is_shown = lambda name: "/by_distance/" not in name or name.endswith("/success")
+    return {name: float(v) for name, v in found if is_shown(name) and isinstance(v, (int, float))}
+
+
+def show(run: Any, picture: pathlib.Path, step: int) -> None:
+    try:
+        run.picture(picture, step)
+    except Exception as error:  # Each service has its own; wandb needs pillow for pictures.
+        print(f"{picture} was not logged: {error}", file=sys.stderr)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m gdg_tui.log", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add = parser.add_argument
+    add("files", nargs="*", type=pathlib.Path, help="records (.jsonl), or results of jobs (.json)")
+    add("--to", choices=SERVICES, required=True)
+    add("--project", default="gdg-tui", help="project, experiment or folder (default: gdg-tui)")
+    add("--picture", type=pathlib.Path, help="a PNG of the map; those of a suite are found")
+    options = parser.parse_args()
+    if options.picture and not options.picture.is_file():
+        parser.error(f"there is no {options.picture}")
+    if not options.files:
+        # Ctrl-C ends the trainer, whose last records are still to come.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    run, step = None, 0
+    for path in options.files or [None]:
+        for record in records(path):
+            event, step = record.pop("event", None), record.get("updates", step)
+            if event == "start":
+                run = SERVICES[options.to](options.project, *described(record), step)
+            elif run and event == "end":
+                picture = record.get("picture") or options.picture
+                if picture and picture.is_file():
+                    show(run, picture, step)
+                run.close()
+                run = None
+            elif run and event != "saved":
+                run.log(numbers(event, record), step)
+        if run:
+            run.close()
+            run = None
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except ImportError as error:
+        sys.exit(f"{error}: pip install {error.name}")
+    except OSError as error:
+        sys.exit(str(error))

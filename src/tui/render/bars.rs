@@ -1,0 +1,275 @@
+//! The lines around the map: the top line with the run, the hint above the map, and the bottom line
+//! with keys or a notice.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Clear, Paragraph};
+
+use super::ScreenPainter;
+use crate::tui::action::{Action, Mode, bindings};
+use crate::tui::choices::Tool;
+use crate::tui::keymap::Keymap;
+use crate::tui::layout::{Click, ClickableLine};
+use crate::tui::log::Notice;
+use crate::tui::pane_text::{first_lines, wrapped};
+use crate::tui::scene::Scene;
+use crate::tui::scene::maze::Editor;
+use crate::tui::screen::Screen;
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
+use gdg::text::{fitted, grouped};
+
+/// Names longer than this, in columns, are shortened before anything is left out.
+const LONG_TITLE: usize = 24;
+
+pub fn draw_header(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
+    let run = screen.run();
+    let saved = match &screen.snapshot.saved {
+        _ if screen.snapshot.unsaved_updates() > 0 => " unsaved".to_owned(),
+        Some((_, path)) => {
+            path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy()))
+        }
+        None => String::new(),
+    };
+    let speed =
+        screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
+    let changed = screen.changed_settings.len();
+    let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
+    let mut parts = vec![
+        (Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), Action::Help),
+        (Span::styled(format!(" {} ", scene.title(&screen.snapshot)), BOLD), Action::OpenMap),
+        (Span::raw(format!("{} ", run.method.name())), Action::Method),
+        (Span::raw(format!("{} {changed}", run.preset.name())), Action::Preset),
+        (Span::raw(format!("seed {} ", run.seed)), Action::NewSeed),
+        (Span::styled(format!(" {}{speed}", scene.phase(screen)), BOLD), Action::TogglePause),
+        (Span::styled(saved, DIM), Action::Save),
+    ];
+    // If room is short, shorten a long name, then leave out what identifies the run before its
+    // state.
+    shorten_title(&mut parts, area, LONG_TITLE);
+    for left_out in [Action::NewSeed, Action::Preset, Action::Method, Action::Save] {
+        if parts_width(&parts) > usize::from(area.width) {
+            parts.retain(|(_, action)| *action != left_out);
+        }
+    }
+    shorten_title(&mut parts, area, 0);
+    let mut bar = ClickableLine::default();
+    parts.into_iter().for_each(|(span, action)| bar.push(span, Click::Act(action)));
+    bar.draw(frame, area, layout);
+}
+
+fn parts_width(parts: &[(Span, Action)]) -> usize {
+    parts.iter().map(|(span, _)| span.width()).sum()
+}
+
+/// Shortens the name of the map so that the line fits, but to no fewer columns than `least`.
+fn shorten_title(parts: &mut [(Span, Action)], area: Rect, least: usize) {
+    let missing = parts_width(parts).saturating_sub(usize::from(area.width));
+    if let Some((title, _)) = parts.iter_mut().find(|(_, action)| *action == Action::OpenMap) {
+        let name = title.content.trim().to_owned();
+        // The blanks around it remain.
+        let room = title.width().saturating_sub(2 + missing).max(least);
+        title.content = format!(" {} ", fitted(&name, room)).into();
+    }
+}
+
+/// A text, with keys and what they do.
+type Hint = (String, Vec<(Action, &'static str)>);
+
+/// Draws the line at the top of the map's `area`, if there is anything to say.
+pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
+    let is_shown = screen.banner.is_some() && !screen.on_paper;
+    let hints = match past(screen, scene) {
+        _ if screen.tour.is_some() => None,
+        None if is_shown => what_to_see(screen),
+        past => past,
+    };
+    let lines = hints.into_iter().flatten().map(|(text, keys)| {
+        let mut line = ClickableLine::default();
+        line.push(Span::styled(format!(" {text}"), REVERSED), None);
+        for (action, what) in keys.into_iter().filter(|_| !screen.on_paper) {
+            let key = format!(" {} ", screen.keymap.key_of(action));
+            line.push(Span::styled(key, BOLD.patch(REVERSED)), Click::Act(action));
+            line.push(Span::styled(what, REVERSED), Click::Act(action));
+        }
+        line
+    });
+    // The first that fits, or else the last.
+    let lines: Vec<ClickableLine> = lines.collect();
+    let fits = lines.iter().position(|line| line.width() <= usize::from(area.width));
+    let fits = fits.unwrap_or(lines.len().saturating_sub(1));
+    let Some(line) = lines.into_iter().nth(fits) else { return };
+    let width = (line.width() as u16).min(area.width);
+    let row = Rect { height: area.height.min(1), ..area };
+    let area = Rect { x: area.x + (area.width - width) / 2, width, ..row };
+    // Nothing of a projection's label stays beside it.
+    frame.render_widget(Clear, if scene.maze().is_some() { area } else { row });
+    line.draw(frame, area, layout);
+}
+
+/// Describes which moment of the past is shown, and how to get back.
+fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
+    let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
+    let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
+    let success = snapshot
+        .success_at(frame.updates)
+        .map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    // The film keeps D and the agents, but not the walls.
+    let walls = if snapshot.is_edited_since(frame.updates) { ", walls of today" } else { "" };
+    let goal = if scene.shown_goal() == scene.goal() { "" } else { ": G is the film's" };
+    let texts = [
+        format!("update {then} of {now}{success}{walls}{goal}"),
+        format!("update {then}{walls}{goal}"),
+        format!("update {then}"),
+    ];
+    let keys = [(Action::Back, ""), (Action::Forth, ""), (Action::Close, "now ")];
+    Some(texts.map(|text| (text, keys.to_vec())).to_vec())
+}
+
+/// Explains the colours and the effect of a click.
+fn what_to_see(screen: &Screen) -> Option<Vec<Hint>> {
+    let mono = screen.theme.depth == ColourDepth::Mono;
+    let colours = if mono { "@ walks to G" } else { "light = near G" };
+    let help = (Action::Help, "help ");
+    screen.explains.then(|| {
+        vec![
+            (
+                format!("{colours} \u{b7} click: a new goal \u{b7} new here? gdg-tui tour \u{b7}"),
+                vec![help],
+            ),
+            (format!("{colours} \u{b7} click: a new goal \u{b7}"), vec![help]),
+            ("click: goal \u{b7}".to_owned(), vec![help]),
+        ]
+    })
+}
+
+const MAX_NOTICE_ROWS: usize = 4;
+
+/// Keys at the end of the line that are the last to be left out.
+const LAST_KEYS: [Action; 2] = [Action::Help, Action::Quit];
+
+/// Draws the line, and the rest of a long notice above it.
+pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
+    let ScreenPainter { frame, screen, scene, layout } = page;
+    let notice = screen.log.notice();
+    // The tools of the editor stay visible, as does the line above them that explains colours.
+    let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
+    if let Some(notice) = notice {
+        let at = if tools.is_some() { Rect { y: 0, ..area } } else { area };
+        draw_notice(frame, at, &screen.theme, notice);
+    }
+    match tools {
+        Some(editor) => editing(screen, editor, area.width).draw(frame, area, layout),
+        None if notice.is_none() => {
+            keys(screen, scene, Mode::Watching, area.width, layout.lacks_panel)
+                .draw(frame, area, layout);
+        }
+        None => {}
+    }
+}
+
+/// Draws a notice, wrapped: upwards from the row `at`, but downwards from the first one.
+pub fn draw_notice(frame: &mut Frame, at: Rect, theme: &Theme, notice: Notice) {
+    let style = match notice {
+        Notice { is_error: true, .. } => theme.failure(),
+        _ => BOLD,
+    };
+    let columns = usize::from(at.width).saturating_sub(2).max(8);
+    let room = if at.y == 0 { frame.area().height } else { at.y + 1 };
+    let most = MAX_NOTICE_ROWS.min(usize::from(room));
+    let rows = first_lines(wrapped(notice.text, columns), most, columns);
+    let height = rows.len() as u16;
+    let y = if at.y == 0 { 0 } else { (at.y + 1).saturating_sub(height) };
+    let area = Rect { y, height, ..at };
+    let lines: Vec<Line> =
+        rows.into_iter().map(|row| Line::styled(format!(" {row}"), style)).collect();
+    frame.render_widget(Clear, area);
+    frame.render_widget(Paragraph::new(lines), area);
+}
+
+/// Returns the actions of `mode` that have a short name and fit: where room is short, they move
+/// together, then those in the middle are left out, but not the panes if they are hidden.
+pub fn keys(
+    screen: &Screen,
+    scene: &Scene,
+    mode: Mode,
+    width: u16,
+    lacks_panel: bool,
+) -> ClickableLine {
+    let mut keys: Vec<(Action, &str)> = Vec::new();
+    for binding in
+        bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && scene.offers(b.action))
+    {
+        let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
+        keys.push((binding.action, if idle { "resume" } else { binding.short }));
+    }
+    fitting(keys, &screen.keymap, width, lacks_panel)
+}
+
+/// Returns actions with their labels, as many as fit, like [`keys`].
+pub fn fitting(
+    mut keys: Vec<(Action, &str)>,
+    keymap: &Keymap,
+    width: u16,
+    lacks_panel: bool,
+) -> ClickableLine {
+    let line = |keys: &[(Action, &str)], space: &str| {
+        let mut bar = ClickableLine::default();
+        for (action, label) in keys {
+            key(&mut bar, keymap, *action, &format!(" {label}{space}"), Style::new());
+        }
+        bar
+    };
+    // The trailing space need not fit.
+    let roomy = line(&keys, " ");
+    if roomy.width() <= usize::from(width) + 1 {
+        return roomy;
+    }
+    while line(&keys, "").width() > usize::from(width) && keys.len() > 1 {
+        let stays = |action: Action| lacks_panel && action == Action::NextPane;
+        let last = keys.iter().rev().take_while(|(action, _)| LAST_KEYS.contains(action)).count();
+        let before = keys.len() - last;
+        let middle = (1..before).rev().find(|i| !stays(keys[*i].0));
+        // Then the first of the last keys, for the sake of the panes.
+        let next = if before > 1 && last > 0 { before } else { 0 };
+        keys.remove(middle.unwrap_or(next));
+    }
+    line(&keys, "")
+}
+
+/// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.
+pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
+    let line = |tools: &[Tool], keys: &[(Action, &str)]| {
+        let mut bar = ClickableLine::default();
+        bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
+        for tool in tools {
+            let style = if *tool == editor.tool { REVERSED } else { Style::new() };
+            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
+        }
+        bar.push(Span::raw(" "), None);
+        for (action, label) in keys {
+            key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
+        }
+        bar
+    };
+    let [apply, undo] = [(Action::Apply, "use"), (Action::Undo, "undo")];
+    let [save, done] = [(Action::SaveMap, "save map"), (Action::ToggleEdit, "done")];
+    let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
+    let keys = [&[apply, undo, save, done][..], &[apply, undo, done], &[done]];
+    let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
+    let fits = |bar: &ClickableLine| bar.width() <= usize::from(width);
+    let mut bar = { options }.find(fits).unwrap_or_else(|| line(own, &[done]));
+    let mouse = editor.tool.about().1;
+    if bar.width() + mouse.len() <= usize::from(width) {
+        bar.push(Span::styled(mouse, DIM), None);
+    }
+    bar
+}
+
+fn key(bar: &mut ClickableLine, keymap: &Keymap, action: Action, label: &str, style: Style) {
+    bar.push(Span::styled(format!(" {}", keymap.key_of(action)), BOLD), Click::Act(action));
+    bar.push(Span::styled(label.to_owned(), style), Click::Act(action));
+}

@@ -1,0 +1,103 @@
+"""Logs records by `python -m gdg_tui.log` to each service that is installed, and reads them back.
+
+    python tests/logged.py FOLDER    with a.jsonl, b.jsonl (the run resumed), jobs/ and pictures/
+
+Nothing is sent anywhere. Prints the services that are not installed.
+"""
+
+import importlib.util
+import json
+import os
+import pathlib
+import sqlite3
+import struct
+import subprocess
+import sys
+
+os.chdir(sys.argv[1])
+os.environ |= {"WANDB_MODE": "offline", "TRACKIO_DIR": "trackio", "HF_HUB_OFFLINE": "1"}
+os.environ["MLFLOW_TRACKING_URI"] = "sqlite:///ml.db"
+RECORDS = [json.loads(line) for name in "ab" for line in pathlib.Path(f"{name}.jsonl").open()]
+CURVE = {r["updates"]: r["greedy"]["success"] for r in RECORDS if r["event"] == "evaluation"}
+METRIC = "greedy/success"
+
+
+def log(service, *files, given=None):
+    command = [sys.executable, "-m", "gdg_tui.log", "--to", service, *map(str, files)]
+    done = subprocess.run(command, stdin=given, capture_output=True, text=True)
+    assert done.returncode == 0 and "not logged" not in done.stderr, done.stderr
+
+
+def tensorboard():
+    from tensorboard.backend.event_processing.event_multiplexer import EventMultiplexer
+
+    events = EventMultiplexer().AddRunsFromDirectory("gdg-tui")
+    events.Reload()
+    for run, tags in events.Runs().items():
+        points = {event.step: event.value for event in events.Scalars(run, METRIC)}
+        yield run, points, bool(tags["images"])
+
+
+def mlflow():
+    from mlflow import MlflowClient
+
+    client = MlflowClient()
+    for run in client.search_runs([client.get_experiment_by_name("gdg-tui").experiment_id]):
+        history = client.get_metric_history(run.info.run_id, METRIC)
+        points = {point.step: point.value for point in history}
+        assert run.data.params["method"] == "gdg-bridge" and run.info.status == "FINISHED"
+        yield run.info.run_name, points, bool(client.list_artifacts(run.info.run_id))
+
+
+def trackio():
+    runs = {}
+    database = sqlite3.connect("trackio/gdg-tui.db")
+    for run, step, metrics in database.execute("select run_name, step, metrics from metrics"):
+        points, pictures, metrics = *runs.setdefault(run, ({}, [])), json.loads(metrics)
+        points |= {step: metrics[METRIC]} if METRIC in metrics else {}
+        pictures += ["map"] if "map" in metrics else []
+    yield from ((run, points, bool(pictures)) for run, (points, pictures) in runs.items())
+
+
+def wandb():
+    from wandb.proto.wandb_internal_pb2 import Record
+
+    runs, names = {}, {}
+    for path in sorted(pathlib.Path("wandb").glob("offline-run-*/*.wandb")):
+        # Blocks of 32 KiB, in which a header tells length and kind of a part of a record.
+        data, at, whole, own = path.read_bytes(), 7, b"", path.stem.removeprefix("run-")
+        while at + 7 <= len(data):
+            if (left := 32768 - at % 32768) < 7:
+                at += left
+                continue
+            _, length, kind = struct.unpack("<IHB", data[at : at + 7])
+            whole, at = whole + data[at + 7 : at + 7 + length], at + 7 + length
+            if kind not in (1, 4):
+                continue
+            record, whole = Record.FromString(whole), b""
+            names |= {own: record.run.display_name} if record.HasField("run") else {}
+            items = ((item.key or "/".join(item.nested_key), item) for item in record.history.item)
+            values = {key: json.loads(item.value_json) for key, item in items}
+            points, pictures = runs.setdefault(own, ({}, []))
+            points |= {values["_step"]: values[METRIC]} if METRIC in values else {}
+            pictures += [key for key in values if key.startswith("map")]
+    yield from ((names[own], points, bool(pictures)) for own, (points, pictures) in runs.items())
+
+
+for read in tensorboard, mlflow, trackio, wandb:
+    service = read.__name__
+    if importlib.util.find_spec(service) is None:
+        print(f"{service} is not installed")
+        continue
+    # A line that is cut off, as of a run that still writes it, is left out.
+    pathlib.Path("cut.jsonl").write_text(pathlib.Path("a.jsonl").read_text() + '{"event":"progr')
+    log(service, "cut.jsonl")
+    with open("b.jsonl") as records:
+        log(service, given=records)
+    log(service, *pathlib.Path("jobs").glob("*.json"))
+    (job, whole, has_picture), (run, points, _) = sorted(read(), key=lambda run: -run[2])
+    near = {step: abs(value - CURVE[step]) < 1e-6 for step, value in points.items()}
+    assert points.keys() == CURVE.keys() and all(near.values()), (service, points, CURVE)
+    assert has_picture and len(whole) == 10, (service, job, whole)
+    assert run.startswith("fourrooms-gdg-bridge-hidden=16") and run[-12:] != job[-12:]
+    print(f"{service}: a resumed run and a job")
