@@ -214,14 +214,7 @@ impl<'a> Reference<'a> {
             if !is_end {
                 target += self.joint_distance(&ahead, &goal);
                 if batch.greedy_targets && !(self.shapes.model_check && left_out[i]) {
-                    let mut next =
-                        self.prediction(&self.model, &state, &self.action(&state, &goal));
-                    let s = state.len();
-                    let [from, to] = [&batch.from, &batch.next].map(|v| &v[i * s..(i + 1) * s]);
-                    let own = from == &batch.states[i * s..(i + 1) * s];
-                    if s > goal.len() && !(own && self.spec().goal_moves(from, to)) {
-                        self.spec().achieved.iter().for_each(|k| next[*k] = state[*k]);
-                    }
+                    let next = self.prediction(&self.model, &state, &self.action(&state, &goal));
                     target = target.min(1.0 + self.joint_distance(&next, &goal));
                 }
             }

@@ -75,11 +75,9 @@ impl Shapes {
         if let (true, Some(model)) = (rows.greedy_targets, current.model) {
             let mut next = std::mem::take(&mut networks.model.y);
             let pairs = Pairs { plain, states: rows.states, goals: rows.goals };
-            self.step_with_actor(averaged.actor, model, pairs, &mut next, networks);
-            let after = &mut next[..rows.states.len()];
-            self.keep_at_rest(rows, after);
+            let after = self.step_with_actor(averaged.actor, model, pairs, &mut next, networks);
             after_actor.resize(rows.steps.len(), 0.0);
-            self.distances_between(critics, &*after, rows.goals, after_actor, &mut networks.critic);
+            self.distances_between(critics, after, rows.goals, after_actor, &mut networks.critic);
             networks.model.y = next;
             for (x, (d, left_out)) in targets.iter_mut().zip(after_actor.iter().zip(left_out)) {
                 if !left_out {
@@ -193,25 +191,6 @@ impl Shapes {
             gradient.add_encoded(&ws.dx[..rows * columns], columns, 0..grid_width);
         }
         loss
-    }
-
-    /// Leaves the achieved goal in the next states `after` `(rows, state_dim)` where it is unless the
-    /// row's own step has moved it, if it is but a part of the state: an actor finds actions of which a
-    /// model says that they move an object which they do not touch.
-    fn keep_at_rest(&self, rows: &Rows, after: &mut [f32]) {
-        let spec = &self.encoder.spec;
-        let s = spec.state_dim();
-        if s == spec.goal_dim() {
-            return;
-        }
-        let steps = rows.from.chunks_exact(s).zip(rows.next.chunks_exact(s));
-        for ((after, state), (from, next)) in
-            after.chunks_exact_mut(s).zip(rows.states.chunks_exact(s)).zip(steps)
-        {
-            if from != state || !spec.goal_moves(from, next) {
-                spec.achieved.iter().for_each(|i| after[*i] = state[*i]);
-            }
-        }
     }
 
     /// Returns the mean error of D' after the steps that the model predicts, in steps, after
