@@ -103,7 +103,7 @@ fn losses(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     if !all {
         return Vec::new();
     }
-    let Losses { critic, model, actor } = snapshot.losses;
+    let Losses { critic, model, actor, .. } = snapshot.losses;
     let lines = [
         Losses::known(critic).map(|loss| fact("D loss", format!("{loss:.4}"))),
         Losses::known(model).map(|loss| fact("f loss", format!("{loss:.4}"))),
