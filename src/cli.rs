@@ -35,7 +35,7 @@ Examples:
   gdg-tui runs                               all runs: resume, compare
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
-  gdg-tui compare gdg-bridge gdg             with bridge points and without
+  gdg-tui compare gdg-bridge gdg trap        with bridge points and without
   gdg-tui suite maps/ --seeds 3              every map of a folder: a report
   gdg-tui plot saves/suite --out fig.pdf     their curves, for a paper's column
   gdg-tui reproduce all                      the paper's figures

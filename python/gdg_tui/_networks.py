@@ -137,7 +137,7 @@ class Critics:
         after = self.distances(self.next_states(states, action[None]), goals)
         if (self.distances(states, goals) - after)[0] >= self.good_progress:
             return action
-        tried = np.vstack([action, self.tried_actions])
+        tried = np.vstack([action, *self.tried_actions])
         states, goals = np.repeat(states, len(tried), 0), np.repeat(goals, len(tried), 0)
         distances = self.distances(self.next_states(states, tried), goals)
         distances[0] -= self.min_gain

@@ -74,7 +74,7 @@ pub struct RunsArgs {
 
 const COMPARE_EXAMPLES: &str = "\
 Examples:
-  gdg-tui compare gdg-bridge gdg             with bridge points and without
+  gdg-tui compare gdg-bridge gdg trap        with bridge points and without
   gdg-tui compare gdg-bridge her city --seed 3
   gdg-tui compare gdg gdg trap --set B:hidden=64         two sizes of network
   gdg-tui compare saves/a.safetensors saves/b.safetensors    two saved runs

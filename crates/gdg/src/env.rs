@@ -158,6 +158,9 @@ impl Default for EnvSettings {
 /// what is known of a range may be little.
 pub const MOST_HALF_RANGES: f32 = 10.0;
 
+/// A component moves in a step that changes it by more than this share of its typical change.
+pub const LEAST_MOVE: f32 = 0.1;
+
 /// Sizes and scales of states, goals and actions. Lengths are in the environment's own unit (maze
 /// cells, or metres for an arm).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -216,6 +219,17 @@ impl Spec {
     /// Returns the Euclidean distance between the goal that `state` achieves and `goal`.
     pub fn goal_distance(&self, state: &[f32], goal: &[f32]) -> f32 {
         self.achieved(state).zip(goal).map(|(a, g)| (a - g) * (a - g)).sum::<f32>().sqrt()
+    }
+
+    /// Returns whether `goal` is elsewhere than what `state` achieves, by more than what counts as rest.
+    pub fn is_away(&self, state: &[f32], goal: impl IntoIterator<Item = f32>) -> bool {
+        let least = LEAST_MOVE * self.largest_change();
+        self.achieved(state).zip(goal).any(|(achieved, goal)| (goal - achieved).abs() > least)
+    }
+
+    /// Returns whether the step from `state` to `next` moves the achieved goal.
+    pub fn goal_moves(&self, state: &[f32], next: &[f32]) -> bool {
+        self.is_away(state, self.achieved(next))
     }
 
     /// Returns whether `state` reaches `goal`.
@@ -288,9 +302,10 @@ pub trait Environment: Any + Send + Sync {
     /// gives up soon, with [`EnvError::Stopped`]. The default never does.
     fn share_job(&mut self, _job: &Job) {}
 
-    /// Takes scales from recorded `walks`, `(steps, state_dim)` each, of a world that knew them only
-    /// by a first look; returns whether they have changed, which they never have by default.
-    fn rescale(&mut self, _walks: &[&[f32]]) -> bool {
+    /// Takes scales from `walks`, `(steps, state_dim)` each, of a world that knew them only by a first
+    /// look: of all components or, once training has begun, of those `beside_goal`. Returns whether
+    /// they have changed, which they never have by default.
+    fn rescale(&mut self, _walks: &[&[f32]], _beside_goal: bool) -> bool {
         false
     }
 

@@ -55,8 +55,12 @@ pub(super) fn staged_app(width: u16, height: u16) -> Still {
         let mut counters = Counters::default();
         (counters.updates, counters.env_steps, counters.episodes) =
             (updates, 16 * updates, updates / 10);
-        let losses =
-            gdg::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
+        let losses = gdg::learn::Losses {
+            critic: 100.0 / updates as f32,
+            model: 0.002,
+            model_steps: 0.0,
+            actor: 9.5,
+        };
         let snapshot = Snapshot {
             phase: Phase::Running,
             counters,

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::env::Spec;
 use crate::learn::{Axis, Policy, Scratch};
 use crate::store::StoreError;
-use axes::{Moves, goal_moves};
+use axes::Moves;
 use places::{NO_FRONTIER, Places};
 use seek::{GoalMoves, Seek};
 
@@ -90,7 +90,7 @@ impl Excursions {
         if spec.state_dim() == spec.goal_dim() {
             return;
         }
-        let goal_has_moved = goal_moves(spec, state, next);
+        let goal_has_moved = spec.goal_moves(state, next);
         if let Some(seek) = &mut self.seeks[agent] {
             seek.note(goal_has_moved);
         }

@@ -239,8 +239,8 @@ impl Environment for Gym {
         &self.found.spec
     }
 
-    fn rescale(&mut self, walks: &[&[f32]]) -> bool {
-        Arc::make_mut(&mut self.found).rescale(walks)
+    fn rescale(&mut self, walks: &[&[f32]], beside_goal: bool) -> bool {
+        Arc::make_mut(&mut self.found).rescale(walks, beside_goal)
     }
 
     fn states(&self) -> &[f32] {

@@ -116,6 +116,12 @@ pub trait Learner: Send {
     /// Writes the full training state.
     fn save(&self, store: &mut Store) -> Result<(), LearnError>;
 
+    /// Writes what [`Self::save`] does, for a learner of `spec`, which has other scales of what is not
+    /// the goal. The default is right where networks do not see the scales.
+    fn save_in_scales_of(&self, _spec: &Spec, store: &mut Store) -> Result<(), LearnError> {
+        self.save(store)
+    }
+
     /// Restores the state that [`Self::save`] wrote. If that is missing or does not fit these
     /// settings, the learner is unusable.
     fn load(&mut self, store: &Store) -> Result<(), LearnError>;

@@ -28,7 +28,8 @@ use crate::learn::data::hard_pairs::{imagine_walks, short_pairs};
 use crate::learn::error::LearnError;
 use crate::learn::learner::{Acting, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::named_arrays::{ActorExport, CriticsExport};
-use crate::learn::networks::policy::{Policy, Scratch};
+use crate::learn::networks::policy::{Frozen, Nets, Policy, Scratch};
+use crate::learn::networks::rescale;
 use crate::learn::networks::returns::Reward;
 use crate::learn::networks::shapes::{Critics, Shapes};
 use crate::learn::settings::LearnSettings;
@@ -124,6 +125,16 @@ impl LearnerVariant {
     }
 }
 
+/// Largest mean error of the dynamics model, in steps of D, with which targets and plans look ahead: a
+/// step gains at most 1. Where many numbers depend on each other, an actor finds actions of which a
+/// model errs on the good side, and D becomes as short as if what has to be moved moved by itself.
+const TRUSTED_STEPS: f32 = 0.25;
+
+const MODEL_ERROR: &str = "learner_model_error_steps";
+
+/// Averaging window of that error, in updates.
+const ERROR_UPDATES: f32 = 500.0;
+
 /// The networks of a built-in learner, and everything needed to train them.
 pub struct NetworkLearner {
     variant: LearnerVariant,
@@ -131,6 +142,8 @@ pub struct NetworkLearner {
     /// Inference buffers for what the bridge graph adds to batches.
     scratch: Scratch,
     training: Training,
+    /// Mean of [`Losses::model_steps`] over the latest updates.
+    model_error_steps: f32,
 }
 
 impl NetworkLearner {
@@ -153,7 +166,7 @@ impl NetworkLearner {
         }
         let returns = training.shapes().returns.clone();
         let sampler = BatchSampler { spec: spec.clone(), settings, returns };
-        Ok(Self { variant, sampler, scratch: Scratch::default(), training })
+        Ok(Self { variant, sampler, scratch: Scratch::default(), training, model_error_steps: 0.0 })
     }
 
     /// Updates all networks once on `batch` (Algorithm 1's inner loop) and adds the time to
@@ -171,6 +184,11 @@ impl NetworkLearner {
         self.training.update(job, profile)
     }
 
+    /// Whether the model is exact enough to look ahead.
+    fn looks_ahead(&self) -> bool {
+        self.model_error_steps <= TRUSTED_STEPS
+    }
+
     #[cfg(test)]
     pub(in crate::learn) fn training(&self) -> &Training {
         &self.training
@@ -180,10 +198,12 @@ impl NetworkLearner {
         &mut self,
         TrainingData { replay, known, relearning, rng, .. }: TrainingData,
     ) -> candle_core::Result<()> {
-        let Self { variant, sampler, scratch, training } = self;
+        let looks_ahead = self.looks_ahead();
+        let Self { variant, sampler, scratch, training, .. } = self;
         let batch = &mut *training.batch().write();
         let relearning = relearning.filter(|_| sampler.returns.is_none());
         sampler.sample(replay, relearning, rng, batch);
+        batch.greedy_targets &= looks_ahead;
         let Some(known) = known.filter(|_| variant.critics == Critics::Distance) else {
             return Ok(());
         };
@@ -211,11 +231,14 @@ impl Learner for NetworkLearner {
         let (began, job) = (Stopwatch::start(), data.job);
         self.sample(data)?;
         profile.lap(TrainingPhase::Sample, began);
-        Ok(self.training.update(Some(job), profile)?)
+        let losses = self.training.update(Some(job), profile)?;
+        self.model_error_steps += (losses.model_steps - self.model_error_steps) / ERROR_UPDATES;
+        Ok(losses)
     }
 
     fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {
-        Ok(Arc::new(self.training.freeze(averaged)?))
+        let frozen = self.training.freeze(averaged)?;
+        Ok(Arc::new(Frozen { looks_ahead: self.looks_ahead(), ..frozen }))
     }
 
     fn with_policy(
@@ -223,7 +246,8 @@ impl Learner for NetworkLearner {
         averaged: bool,
         use_policy: &mut dyn FnMut(&dyn Policy),
     ) -> Result<(), LearnError> {
-        Ok(self.training.with_nets(averaged, |nets| use_policy(&nets))?)
+        let looks_ahead = self.looks_ahead();
+        Ok(self.training.with_nets(averaged, |nets| use_policy(&Nets { looks_ahead, ..nets }))?)
     }
 
     fn export_actor(&self, averaged: bool) -> Result<Option<ActorExport>, LearnError> {
@@ -238,7 +262,13 @@ impl Learner for NetworkLearner {
         let LearnerVariant { acting, critics, .. } = self.variant;
         let export = || {
             let critics = (0..shapes.critics).map(|k| self.training.network(k));
-            CriticsExport::of(shapes, critics, self.training.network(shapes.critics), averaged)
+            let model = self.training.network(shapes.critics);
+            CriticsExport::of(shapes, critics, model, averaged).map(|mut export| {
+                if !self.looks_ahead() {
+                    export.outputs.tried_actions.clear();
+                }
+                export
+            })
         };
         let is_learned = acting == Acting::Policy && critics == Critics::Distance;
         Ok(is_learned.then(export).transpose()?)
@@ -254,8 +284,22 @@ impl Learner for NetworkLearner {
 
     fn save(&self, store: &mut Store) -> Result<(), LearnError> {
         store.put_text("learner_updates", self.training.actor().dense.steps().to_string());
+        store.put_numbers(MODEL_ERROR, vec![self.model_error_steps]);
         for (name, network) in self.training.named() {
             network.save(name, store)?;
+        }
+        Ok(())
+    }
+
+    fn save_in_scales_of(&self, spec: &Spec, store: &mut Store) -> Result<(), LearnError> {
+        self.save(store)?;
+        let shapes = self.training.shapes();
+        let specs = [&shapes.encoder.spec, spec];
+        for (k, (name, network)) in self.training.named().enumerate() {
+            rescale::inputs(store, name, network.dense.mlp, specs);
+            if shapes.returns.is_none() && k == shapes.critics {
+                rescale::outputs(store, name, network.dense.mlp, specs);
+            }
         }
         Ok(())
     }
@@ -264,6 +308,9 @@ impl Learner for NetworkLearner {
         let updates = store.text("learner_updates")?.parse::<u32>();
         let updates = updates
             .map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?;
+        // Earlier checkpoints have none.
+        let error = store.numbers(MODEL_ERROR).ok().and_then(|numbers| numbers.first().copied());
+        self.model_error_steps = error.unwrap_or_default();
         let mut networks = self.training.named();
         networks.try_for_each(|(name, network)| network.load(name, store, updates.into()))
     }

@@ -7,5 +7,6 @@ pub mod mlp;
 pub mod named_arrays;
 pub mod network;
 pub mod policy;
+pub mod rescale;
 pub mod returns;
 pub mod shapes;

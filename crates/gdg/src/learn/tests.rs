@@ -341,3 +341,86 @@ fn the_exported_actor_is_the_averaged_one() {
     assert_eq!(biases(true), own[shape.output_bias()]);
     assert_ne!(biases(true), biases(false));
 }
+
+#[test]
+fn networks_say_the_same_in_other_scales() {
+    let before = spec(5, 2, true);
+    let mut now = before.clone();
+    (now.state_centre[3], now.state_half_range[3], now.state_half_range[0]) = (4.0, 20.0, 9.0);
+    now.change_scale[4] *= 8.0;
+    for variant in &VARIANTS[..4] {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let learner = updated(
+            *variant,
+            &before,
+            &settings(16, 24, 2),
+            |rows| batch(&before, rows, &mut rng),
+            30,
+        );
+        let pairs = batch(&before, 40, &mut rng);
+        let said = |learner: &dyn Learner, averaged| {
+            let (mut scratch, mut d, mut next) = (Scratch::default(), vec![0.0; 40], Vec::new());
+            let mut actions = pairs.actions.clone();
+            learner
+                .with_policy(averaged, &mut |policy: &dyn Policy| {
+                    policy.distances(&pairs.states, &pairs.goals, &mut d, &mut scratch);
+                    policy.actions(&pairs.states, &pairs.goals, &mut actions, &mut scratch);
+                    next.clone_from(&pairs.states);
+                    policy.imagine(&pairs.states, &pairs.actions, &mut next, &mut scratch);
+                })
+                .expect("a policy");
+            [d.as_slice(), &actions, &next].concat()
+        };
+        for averaged in [false, true] {
+            let apart = |converted| {
+                let mut store = Store::default();
+                let scales = if converted { &now } else { &before };
+                learner.save_in_scales_of(scales, &mut store).expect("saved");
+                let mut other =
+                    NetworkLearner::new(*variant, &now, &settings(16, 24, 2), 1, &mut rng.clone())
+                        .expect("networks");
+                other.load(&store).expect("loaded");
+                let pairs = said(&learner, averaged).into_iter().zip(said(&other, averaged));
+                pairs.map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f32::max)
+            };
+            assert!(apart(true) < 1e-3 && apart(false) > 1e-2, "{variant:?}: {}", apart(true));
+        }
+    }
+}
+
+#[test]
+fn nothing_looks_ahead_while_the_model_is_off_in_steps_of_distance() {
+    let spec = spec(5, 2, false);
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    // Chance decides where steps lead, or nothing moves.
+    let mut error = |by_chance: bool| {
+        let moves = |rows| {
+            let mut moves = batch(&spec, rows, &mut rng);
+            if !by_chance {
+                moves.next.clone_from(&moves.from);
+            }
+            moves
+        };
+        let learner = updated(GDG, &spec, &settings(32, 24, 2), moves, 300);
+        learner.training().losses().model_steps
+    };
+    let [chance, sure] = [error(true), error(false)];
+    assert!(chance > 0.4 && sure < 0.1, "{chance} {sure}");
+    let mut learner =
+        updated(GDG, &spec, &settings(32, 24, 2), |rows| batch(&spec, rows, &mut rng), 50);
+    let pairs = batch(&spec, 40, &mut rng);
+    let changes = |learner: &NetworkLearner| {
+        let policy = learner.policy(true).expect("a policy");
+        let mut actions = pairs.actions.clone();
+        policy.improve_actions(&pairs.states, &pairs.goals, &mut actions, &mut Scratch::default());
+        let exported = learner.export_critics(true).expect("an export").expect("critics");
+        assert_eq!(exported.outputs.tried_actions.is_empty(), actions == pairs.actions);
+        actions != pairs.actions
+    };
+    assert!(changes(&learner));
+    let mut store = Store::default();
+    learner.save(&mut store).expect("saved");
+    store.put_numbers("learner_model_error_steps", vec![chance]);
+    learner.load(&store).expect("loaded");
+    assert!(!changes(&learner));
+}

@@ -223,7 +223,7 @@ impl Trainer {
 
     pub fn losses(&self) -> Losses {
         let [critic, model, actor] = self.counters.losses.map(|l| l as f32);
-        Losses { critic, model, actor }
+        Losses { critic, model, actor, model_steps: 0.0 }
     }
 
     pub fn rollout(&self) -> &Rollout {
@@ -375,6 +375,7 @@ impl Trainer {
         self.counters.env_steps += self.round_steps();
         self.counters.episodes += round.episodes;
         self.counters.goals_reached += round.reached;
+        self.rescale(self.counters.env_steps - self.round_steps())?;
         Ok(round)
     }
 

@@ -2,11 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{MAX_MAGNITUDE, Spec};
+use crate::env::{LEAST_MOVE, MAX_MAGNITUDE, Spec};
 use crate::learn::Axis;
-
-/// A component moves in a step that changes it by more than this share of its typical change.
-const MOVES: f32 = 0.1;
 
 /// The achieved goal seldom moves if less than this share of the latest steps moves it.
 const SELDOM: f64 = 0.2;
@@ -36,13 +33,7 @@ pub fn goal_axes(spec: &Spec) -> Vec<Axis> {
 
 /// Whether a step has moved component `i`.
 fn moves(spec: &Spec, state: &[f32], next: &[f32], i: usize) -> bool {
-    (next[i] - state[i]).abs() > MOVES * spec.change_scale[i]
-}
-
-/// Whether a step has moved the achieved goal.
-pub fn goal_moves(spec: &Spec, state: &[f32], next: &[f32]) -> bool {
-    let least = MOVES * spec.largest_change();
-    spec.achieved.iter().any(|i| (next[*i] - state[*i]).abs() > least)
+    (next[i] - state[i]).abs() > LEAST_MOVE * spec.change_scale[i]
 }
 
 /// How often the agents' steps have moved each component of the state, and how far it has got.
@@ -75,7 +66,7 @@ impl Moves {
             (self.low[i], self.high[i]) = (self.low[i].min(low), self.high[i].max(high));
         }
         self.steps += 1;
-        let goal = if goal_moves(spec, state, next) { 1.0 } else { 0.0 };
+        let goal = if spec.goal_moves(state, next) { 1.0 } else { 0.0 };
         self.goal_share += (goal - self.goal_share) / self.steps.min(LATEST_STEPS) as f64;
         self.steps.is_multiple_of(LOOK_EVERY)
     }

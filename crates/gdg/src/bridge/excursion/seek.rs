@@ -18,9 +18,11 @@ use crate::learn::{Policy, Scratch};
 /// Steps of such an excursion without a move.
 pub const SEEK_STEPS: u32 = 50;
 
-/// Actions imagined, for how many steps, and for how many the chosen one is held.
+/// Actions imagined, for how many steps, after how many each time one is compared with what is
+/// remembered, and for how many the chosen one is held.
 const TRIED: usize = 24;
 const AHEAD_STEPS: usize = 20;
+const COMPARED_EVERY: usize = 2;
 const HELD_STEPS: u32 = 2;
 
 /// Remembered moves nearest to a state, of which an agent repeats the farthest.
@@ -40,7 +42,7 @@ pub struct GoalMoves(VecDeque<GoalMove>);
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct GoalMove {
-    /// Scaled, `(state_dim)`.
+    /// `(state_dim)`.
     state: Vec<f32>,
     action: Vec<f32>,
     /// How far the achieved goal has moved.
@@ -54,21 +56,19 @@ impl GoalMoves {
         }
         let goal: Vec<f32> = spec.achieved(next).collect();
         let far = spec.goal_distance(state, &goal);
-        self.0.push_back(GoalMove { state: scaled(spec, state), action: action.to_vec(), far });
-    }
-
-    /// Returns the square of the distance from `state` to the nearest remembered one.
-    fn squared_distance(&self, spec: &Spec, state: &[f32]) -> f32 {
-        let state = scaled(spec, state);
-        self.0.iter().map(|own| own.squared(&state)).fold(f32::INFINITY, f32::min)
+        self.0.push_back(GoalMove { state: state.to_vec(), action: action.to_vec(), far });
     }
 
     /// Returns the action that has moved the achieved goal farthest near `state`, and the square of the
     /// distance to the nearest remembered state.
     fn best_near(&self, spec: &Spec, state: &[f32]) -> Option<(&[f32], f32)> {
         let state = scaled(spec, state);
+        let squared = |own: &GoalMove| {
+            let own = scaled(spec, &own.state);
+            own.iter().zip(&state).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+        };
         let mut near: Vec<(f32, &GoalMove)> =
-            self.0.iter().map(|own| (own.squared(&state), own)).collect();
+            self.0.iter().map(|own| (squared(own), own)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (nearest, _) = near.first()?;
         let best = near.iter().take(NEAR_MOVES).max_by(|a, b| a.1.far.total_cmp(&b.1.far))?;
@@ -85,12 +85,6 @@ impl GoalMoves {
                     && fits(&own.action, spec.action_dim)
                     && (0.0..=MAX_MAGNITUDE).contains(&own.far)
             })
-    }
-}
-
-impl GoalMove {
-    fn squared(&self, state: &[f32]) -> f32 {
-        self.state.iter().zip(state).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 }
 
@@ -173,18 +167,36 @@ fn imagined<'a>(
     policy: &dyn Policy,
     scratch: &mut Scratch,
 ) -> (&'a [f32], f32) {
-    let count = tried.len() / spec.action_dim;
-    let mut states = state.repeat(count);
-    let mut next = states.clone();
-    let mut least = vec![f32::INFINITY; count];
-    for _ in 0..AHEAD_STEPS {
-        policy.imagine(&states, tried, &mut next, scratch);
-        std::mem::swap(&mut states, &mut next);
-        for (least, state) in least.iter_mut().zip(states.chunks_exact(state.len())) {
-            *least = least.min(moves.squared_distance(spec, state));
+    let count = moves.0.len();
+    // Component by component, as there are many to compare with.
+    let mut remembered = vec![0.0; count * state.len()];
+    for (m, own) in moves.0.iter().enumerate() {
+        for (i, value) in own.state.iter().enumerate() {
+            remembered[i * count + m] = spec.scaled(i, *value);
         }
     }
-    let all = tried.chunks_exact(spec.action_dim).zip(least);
+    let mut squares = vec![0.0; count];
+    let mut nearest = |state: &[f32]| {
+        squares.fill(0.0);
+        for (i, own) in remembered.chunks_exact(count).enumerate() {
+            let u = spec.scaled(i, state[i]);
+            squares.iter_mut().zip(own).for_each(|(sum, v)| *sum += (v - u) * (v - u));
+        }
+        squares.iter().copied().fold(f32::INFINITY, f32::min)
+    };
+    let mut states = state.repeat(TRIED);
+    let mut next = states.clone();
+    let mut least = vec![f32::INFINITY; TRIED];
+    for step in 1..=AHEAD_STEPS {
+        policy.imagine(&states, tried, &mut next, scratch);
+        std::mem::swap(&mut states, &mut next);
+        if step.is_multiple_of(COMPARED_EVERY) {
+            for (least, state) in least.iter_mut().zip(states.chunks_exact(state.len())) {
+                *least = least.min(nearest(state));
+            }
+        }
+    }
+    let all = tried.chunks_exact(tried.len() / TRIED).zip(least);
     all.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((tried, f32::INFINITY))
 }
 

@@ -80,10 +80,13 @@ impl EnvFacts {
     /// they are more than [`OUTGROWN`] times those of the first look; returns whether any is. What
     /// only deliberate actions move hardly moves in a first look: an object that has to be pushed, a
     /// key that is found once in many episodes. The range of goals is known.
-    pub fn rescale(&mut self, walks: &[&[f32]]) -> bool {
+    pub fn rescale(&mut self, walks: &[&[f32]], beside_goal: bool) -> bool {
         let (s, spec) = (self.spec.state_dim(), &mut self.spec);
         let mut has_changed = false;
         for i in 0..s {
+            if beside_goal && spec.achieved.contains(&i) {
+                continue;
+            }
             let column = |walk: &[f32]| walk.iter().skip(i).step_by(s).copied().collect::<Vec<_>>();
             let numbers: Vec<f32> = walks.iter().flat_map(|walk| column(walk)).collect();
             // A component that seldom changes has no range but the whole one.
@@ -438,7 +441,7 @@ pub mod tests {
         // Walks like those of the first look change nothing.
         let row = |i: u16| [0.5, f32::from(i), 3.0 * f32::from(i), 7.0, -f32::from(i)];
         let walk: Vec<f32> = (0..101).flat_map(row).collect();
-        assert!(!found.rescale(&[&walk]));
+        assert!(!found.rescale(&[&walk], false));
         assert_eq!(found, first);
         // In one step of a hundred, a constant turns to 1 and what is achieved moves by 40, which
         // does not widen the range of goals.
@@ -447,7 +450,11 @@ pub mod tests {
             [0.5, f32::from(i), 120.0, 7.0 + on, -40.0 * on]
         };
         let walk: Vec<f32> = (0..101).flat_map(key).collect();
-        assert!(found.rescale(&[&walk, &walk]));
+        // Once training has begun, the goal keeps its scales.
+        let mut beside = found.clone();
+        assert!(beside.rescale(&[&walk, &walk], true));
+        assert_eq!(beside.spec.change_scale[4], first.spec.change_scale[4]);
+        assert!(found.rescale(&[&walk, &walk], false));
         let Spec { state_centre, state_half_range, change_scale, .. } = &found.spec;
         assert_eq!(
             (state_centre[3], state_half_range[3], change_scale[3]),
@@ -455,6 +462,7 @@ pub mod tests {
         );
         assert_eq!((state_half_range[4], change_scale[4]), (first.spec.state_half_range[4], 40.0));
         assert_eq!(change_scale[1], first.spec.change_scale[1]);
+        assert_eq!(beside.spec.state_half_range, *state_half_range);
     }
 
     #[test]

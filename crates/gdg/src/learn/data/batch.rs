@@ -52,9 +52,6 @@ pub(crate) const RAISE_STEPS: f32 = 4.0;
 /// Most pairs drawn in place of one in which what is achieved does not move.
 const MOST_REDRAWS: usize = 16;
 
-/// What is achieved moves if it changes by more than this share of a typical change.
-const LEAST_MOVE: f32 = 0.1;
-
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -193,7 +190,7 @@ impl BatchSampler {
             let mut redraws = if has_more_than_goals { MOST_REDRAWS } else { 0 };
             while redraws > 0 && bound.is_finite() {
                 let goal = batch.goals.len() - self.spec.goal_dim();
-                if self.is_away(replay.state(moment), batch.goals[goal..].iter().copied()) {
+                if self.spec.is_away(replay.state(moment), batch.goals[goal..].iter().copied()) {
                     break;
                 }
                 batch.goals.truncate(goal);
@@ -222,8 +219,7 @@ impl BatchSampler {
             // In place of every second step that moves nothing, the model sees the last one before the
             // goal that does.
             let moves = |moment: &StoredStep| {
-                let next = replay.state(later(*moment, 1));
-                self.is_away(replay.state(*moment), self.spec.achieved(next))
+                self.spec.goal_moves(replay.state(*moment), replay.state(later(*moment, 1)))
             };
             if has_more_than_goals && row % 2 == 0 && !moves(&moment) {
                 let last = (0..ahead).rev().map(|k| later(moment, k)).find(moves);
@@ -245,12 +241,6 @@ impl BatchSampler {
         }
         batch.actor_goals.extend(&batch.goals);
         batch.actor_weights.resize(batch.len(), 1.0);
-    }
-
-    /// Returns whether `state` achieves anything else than `goal`.
-    fn is_away(&self, state: &[f32], goal: impl Iterator<Item = f32>) -> bool {
-        let least = LEAST_MOVE * self.spec.largest_change();
-        self.spec.achieved(state).zip(goal).any(|(achieved, goal)| (goal - achieved).abs() > least)
     }
 
     /// Returns the number of pairs of places whose distance is known in a batch (distillation), and

@@ -57,7 +57,8 @@ pub struct CriticOutputs {
     pub pessimism: f32,
     /// See [`crate::env::Spec::change_scale`].
     pub change_scale: Vec<f32>,
-    /// Actions that lookahead tries besides the actor's, each `(action_dim)`.
+    /// Actions that lookahead tries besides the actor's, each `(action_dim)`; none where the model is
+    /// not exact enough.
     pub tried_actions: Vec<Vec<f32>>,
     /// Progress by D of an action in steps from which no other is tried.
     pub good_progress_steps: f32,

@@ -169,7 +169,7 @@ type FindFn<'a> = &'a dyn Fn(&str, usize) -> std::result::Result<&'a [f32], Stor
 /// Flat parameters as a candle variable, with their training state.
 #[derive(Debug)]
 pub struct Dense {
-    mlp: Mlp,
+    pub mlp: Mlp,
     /// See [`Mlp`] for their order.
     pub var: Var,
     training: RwLock<DenseState>,

@@ -133,6 +133,8 @@ pub struct Nets<'a> {
     pub critics: Vec<Weights<'a>>,
     pub model: Option<Weights<'a>>,
     pub actor: Weights<'a>,
+    /// Whether actions are improved by lookahead.
+    pub looks_ahead: bool,
 }
 
 impl Shapes {
@@ -142,7 +144,7 @@ impl Shapes {
         let (model, actor) = (weights[self.critics], weights[weights.len() - 1]);
         weights.truncate(self.critics);
         let model = self.returns.is_none().then_some(model);
-        Nets { shapes: self, critics: weights, model, actor }
+        Nets { shapes: self, critics: weights, model, actor, looks_ahead: true }
     }
 }
 
@@ -183,7 +185,7 @@ impl Policy for Nets<'_> {
         actions: &mut [f32],
         scratch: &mut Scratch,
     ) {
-        if let Some(model) = self.model.filter(|_| !self.critics.is_empty()) {
+        if let Some(model) = self.model.filter(|_| self.looks_ahead && !self.critics.is_empty()) {
             let (critics, ws) = (&self.critics, &mut scratch.networks);
             self.shapes.improve_actions(model, critics, states, goals, actions, ws);
         }
@@ -216,11 +218,14 @@ impl Imagine for Nets<'_> {
 pub struct Frozen {
     pub shapes: Arc<Shapes>,
     pub weights: Vec<OwnedWeights>,
+    /// See [`Nets::looks_ahead`].
+    pub looks_ahead: bool,
 }
 
 impl Frozen {
     fn nets(&self) -> Nets<'_> {
-        self.shapes.nets(self.weights.iter().map(OwnedWeights::weights).collect())
+        let nets = self.shapes.nets(self.weights.iter().map(OwnedWeights::weights).collect());
+        Nets { looks_ahead: self.looks_ahead, ..nets }
     }
 }
 

@@ -6,7 +6,7 @@ use crate::learn::networks::mlp::GradientRequest;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::Nets;
 use crate::learn::networks::returns::Returns;
-use crate::learn::networks::shapes::{Shapes, sigmoid, softplus};
+use crate::learn::networks::shapes::{Shapes, Workspaces, sigmoid, softplus};
 use crate::learn::settings::LossScale;
 use crate::learn::update::parts::{BatchPart, Buffers, Gradient, Rows, mispredicted};
 
@@ -33,7 +33,11 @@ impl Shapes {
         }
         match &self.returns {
             Some(returns) => self.value_targets(returns, &rows, averaged, buffers),
-            None if self.critics > 0 => self.distance_targets(&rows, current, averaged, buffers),
+            None if self.critics > 0 => {
+                let networks = &mut buffers.networks;
+                losses.model_steps = self.model_error_steps(&rows, &averaged.critics, networks);
+                self.distance_targets(&rows, current, averaged, buffers);
+            }
             None => {}
         }
         losses.critic = 0.0;
@@ -187,6 +191,30 @@ impl Shapes {
             gradient.add_encoded(&ws.dx[..rows * columns], columns, 0..grid_width);
         }
         loss
+    }
+
+    /// Returns the mean error of D' after the steps that the model predicts, in steps, after
+    /// [`Self::model_gradient`]; 0 where the goal is the whole state.
+    fn model_error_steps(
+        &self,
+        rows: &Rows,
+        critics: &[Weights],
+        networks: &mut Workspaces,
+    ) -> f32 {
+        let spec = &self.encoder.spec;
+        if spec.state_dim() == spec.goal_dim() {
+            return 0.0;
+        }
+        let errors = networks.model.y.iter().zip(spec.change_scale.iter().cycle());
+        let errors = errors.map(|(d, scale)| scale * d / (2.0 * rows.share));
+        let predicted: Vec<f32> =
+            rows.next.iter().zip(errors).map(|(next, error)| next + error).collect();
+        let [mut real, mut expected] = [(); 2].map(|()| vec![0.0; rows.steps.len()]);
+        let ws = &mut networks.critic;
+        self.distances_between(critics, rows.next, rows.goals, &mut real, ws);
+        self.distances_between(critics, &predicted, rows.goals, &mut expected, ws);
+        let off = real.iter().zip(&expected).map(|(real, expected)| (real - expected).abs());
+        off.sum::<f32>() * rows.share
     }
 
     /// Returns the squared bounded errors of the predictions in each row, after

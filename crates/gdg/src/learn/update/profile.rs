@@ -12,6 +12,8 @@ pub struct Losses {
     pub critic: f32,
     /// |f(s, a) - s'|^2, with each component in units of its change scale.
     pub model: f32,
+    /// |D(f(s, a), g) - D(s', g)| in steps, where the goal is but a part of the state.
+    pub model_steps: f32,
     /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there; 0 in rows
     /// from which the actor does not learn.
     pub actor: f32,
@@ -29,6 +31,7 @@ impl Sum for Losses {
         parts.fold(Self::default(), |sum, part| Self {
             critic: sum.critic + part.critic,
             model: sum.model + part.model,
+            model_steps: sum.model_steps + part.model_steps,
             actor: sum.actor + part.actor,
         })
     }

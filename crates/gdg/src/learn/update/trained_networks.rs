@@ -153,7 +153,7 @@ impl Training {
         Ok(self.losses())
     }
 
-    fn losses(&self) -> Losses {
+    pub fn losses(&self) -> Losses {
         self.shared.parts.iter().map(|part| part.lock().losses).sum()
     }
 
@@ -167,7 +167,8 @@ impl Training {
     /// Returns a frozen copy of the networks or their running averages.
     pub fn freeze(&self, averaged: bool) -> Result<Frozen> {
         let weights = self.named().map(|(_, network)| network.freeze(averaged));
-        Ok(Frozen { shapes: self.shared.shapes.clone(), weights: weights.collect::<Result<_>>()? })
+        let weights = weights.collect::<Result<_>>()?;
+        Ok(Frozen { shapes: self.shared.shapes.clone(), weights, looks_ahead: true })
     }
 
     /// Returns whether the averaged networks give finite distances and actions on the latest batch.
