@@ -319,8 +319,9 @@ fn pairs(all: &[[[f32; 2]; 2]]) -> Vec<[Vec<f32>; 2]> {
 fn time_that_is_up_and_the_end_of_the_file_end_an_episode_too() {
     let ends = |rows: [f64; 4]| Tensor::new(&rows, &Device::Cpu).unwrap();
     let expected = (pairs(&[[[0.5, 0.5], [1.5, 0.5]], [[1.5, 0.5], [2.5, 0.5]]]), 2);
-    assert_eq!(transitions(|arrays| arrays[2].0 = "dones"), expected, "there are no terminals");
-    for name in ["timeouts", "truncations", "dones"] {
+    let names = ["timeouts", "truncations", "dones", "terminations", "terminated", "truncated"];
+    for name in names.into_iter().chain(["done"]) {
+        assert_eq!(transitions(|arrays| arrays[2].0 = name), expected, "{name} alone");
         let found = transitions(|arrays| {
             arrays[2].1 = ends([0.0; 4]);
             arrays.push((name, ends([0.0, 1.0, 0.0, 1.0])));

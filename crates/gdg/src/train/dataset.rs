@@ -21,8 +21,17 @@ use crate::store::StoreError;
 const STATES: &str = "observations";
 const ACTIONS: &str = "actions";
 
-/// Ends of episodes: a file has at least one of these arrays. Data of D4RL have the first two.
-const ENDS: [&str; 4] = ["terminals", "timeouts", "truncations", "dones"];
+/// Ends of episodes by the names of OGBench, D4RL, Gymnasium and Minari: a file has at least one.
+const ENDS: [&str; 8] = [
+    "terminals",
+    "timeouts",
+    "truncations",
+    "dones",
+    "terminations",
+    "terminated",
+    "truncated",
+    "done",
+];
 
 /// Where each action leads, which need not be there.
 const NEXT: &str = "next_observations";
@@ -65,10 +74,10 @@ pub struct Dataset {
 
 impl Dataset {
     /// Reads an `.npz` file with `observations` (rows, `state_dim`), `actions` (rows, `action_dim`)
-    /// in [-1, 1], and `terminals`, `timeouts`, `truncations` or `dones` (rows), some of which are
-    /// not 0 in the last row of each episode. The action of a row leads to the next one, or to that
-    /// of `next_observations`, if they are there. States are in the unit of the world's records.
-    /// Says how far it is, as one stage of `progress`.
+    /// in [-1, 1], and `terminals`, `truncations` or the like (rows), some of which are not 0 in the
+    /// last row of each episode. The action of a row leads to the next one, or to that of
+    /// `next_observations`, if they are there. States are in the unit of the world's records. Says
+    /// how far it is, as one stage of `progress`.
     pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self, DataError> {
         let checked = checksum(file, 2, progress)?;
         Self::read_checked(file, checked, world, progress)
