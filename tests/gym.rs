@@ -699,6 +699,32 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn an_environment_whose_file_changes_during_a_run_is_not_evaluated_nor_a_job() {
+    let folder = tempfile::tempdir().unwrap();
+    let awkward = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym/awkward.py");
+    // Each process edits its own file.
+    let edit = "with open(__file__, 'a') as own:\n    own.write('# edited\\n')\n";
+    let text = std::fs::read_to_string(awkward).unwrap() + "\n" + edit;
+    std::fs::write(folder.path().join("awkward.py"), text).unwrap();
+    let args = ["--max-updates", "60", "--eval-every-updates", "20", "--save", "run.safetensors"];
+    let mut command = train(folder.path(), "Point", &args);
+    let output = command.env("PYTHONPATH", folder.path()).output().unwrap();
+    let cause = "its file has changed since the run began";
+    assert_says(&stderr(&output), "training continues without the evaluation at update 20");
+    assert_says(&stderr(&output), cause);
+    assert_eq!((records(&output, "evaluation").len(), output.status.code()), (0, Some(1)));
+    let mut suite = program(folder.path());
+    suite.env("PYTHONPATH", folder.path()).env("VIRTUAL_ENV", python().ancestors().nth(2).unwrap());
+    suite
+        .args(["suite", "gym:awkward:Point-v0", "--budget", "20", "--seeds", "1"])
+        .args(&SMALL[..8]);
+    let output = suite.output().unwrap();
+    assert_says(&stderr(&output), "has changed since the experiment began");
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn what_a_checkpoint_knows_is_exported_without_its_environment() {
     let folder = tempfile::tempdir().unwrap();
     let args =

@@ -382,6 +382,7 @@ impl Runner<'_> {
             if !job.is_run_of(&trainer) {
                 return Err(miette!(help = help, "{}: is of another run", checkpoint.display()));
             }
+            job.world.check(trainer.world())?;
             trainer.check_data().into_diagnostic()?;
             let done = length.done(&trainer.counters());
             self.say(i, &format!("resumes after {done} of {amount} {unit}"));
@@ -389,6 +390,7 @@ impl Runner<'_> {
         }
         self.say(i, &format!("begins, {amount} {unit}"));
         let world = job.world.create(self.all.registry)?;
+        job.world.check(&*world)?;
         let mut trainer = begin(job.run.clone(), &*world, self.all.registry, 1)?;
         if let Some(data) = &job.plan.data {
             let untold = gdg::job::Job::default();

@@ -74,6 +74,15 @@ impl JobWorld {
         }
     }
 
+    /// Checks that `world`, opened by its name, is still what it was when it was named.
+    pub fn check(&self, world: &dyn Environment) -> Result<(), Report> {
+        if matches!(self, Self::Maze(_)) || self.fingerprint() == world.fingerprint() {
+            return Ok(());
+        }
+        let help = "run it again: it is a job of another name now";
+        Err(miette!(help = help, "{}: has changed since the experiment began", self.name()))
+    }
+
     pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
         match self {
             Self::Maze(map) => Ok(Box::new(PointMaze::new(map.clone(), 0))),

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::{
-    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Task,
+    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Spec, Task,
     TaskSet, WorldScene,
 };
 use crate::store::Store;
@@ -25,7 +25,11 @@ impl Recorded for Gym {
         let version = own.map_or(String::new(), |version| format!(" {version}"));
         let limit = about.time_limit.map_or(String::new(), |limit| format!(", {limit} steps"));
         let source = about.source.map_or(String::new(), |checksum| format!(", {checksum:08x}"));
-        Some(format!("{package}{version}, goal radius {}{limit}{source}", self.spec().goal_radius))
+        let Spec { achieved, goal_radius, .. } = self.spec();
+        let is_given = about.achieved == 0 && *achieved != about.usual_goal();
+        let components = achieved.iter().map(|i| format!(" {i}")).collect::<String>();
+        let goal = if is_given { format!(" in components{components}") } else { String::new() };
+        Some(format!("{package}{version}, goal radius {goal_radius}{goal}{limit}{source}"))
     }
 
     fn facts(&self) -> Map<String, Value> {
@@ -146,17 +150,21 @@ mod tests {
     use crate::env::tests::positions;
 
     #[test]
-    fn an_environment_whose_source_has_changed_is_another_one() {
-        let fingerprint = |source| {
-            let about = EnvDescription { source, ..description(1, 0, 1) };
-            let (sizes, spec) = (about.sizes(), positions(&[(0.0, 1.0)]));
-            let (columns, goal_columns, goals) = (vec![0], vec![0], vec![0.0]);
+    fn an_environment_whose_source_or_goal_is_another_is_another_one() {
+        let fingerprint = |source, achieved: &[usize]| {
+            let about = EnvDescription { source, ..description(3, 0, achieved.len()) };
+            let (sizes, columns, goal_columns) = (about.sizes(), vec![0, 1, 2], achieved.to_vec());
+            let (achieved, goals) = (achieved.to_vec(), vec![0.0; achieved.len()]);
+            let spec = Spec { achieved, ..positions(&[(0.0, 1.0); 3]) };
             let found = EnvFacts { spec, sizes, columns, goal_columns, goals };
             let address = "own:Maze-v0".parse().expect("an address");
             let pool = Pool::only_read(address, &GymOptions::default(), about, found);
             let (pool, found) = pool.expect("a world");
-            Gym::without_agents(Arc::new(pool), Arc::new(found), false).fingerprint()
+            Gym::without_agents(Arc::new(pool), Arc::new(found), false).fingerprint().expect("one")
         };
-        assert_ne!(fingerprint(Some(1)), fingerprint(Some(2)));
+        // What `--goal` is by default is not said.
+        assert_eq!(fingerprint(Some(1), &[0, 1]), "own, goal radius 0.5, 00000001");
+        assert_eq!(fingerprint(None, &[2, 0]), "own, goal radius 0.5 in components 2 0");
+        assert_ne!(fingerprint(None, &[0]), fingerprint(None, &[0, 1]));
     }
 }

@@ -235,7 +235,7 @@ fn columns(
     given: Option<&[usize]>,
 ) -> Result<Columns, String> {
     if about.achieved == 0 {
-        let first: Vec<usize> = (0..about.observed.min(2)).collect();
+        let first = about.usual_goal();
         let own = given.unwrap_or(&first);
         if let Some(wrong) = own.iter().find(|i| **i >= about.observed) {
             let last = about.observed - 1;

@@ -130,6 +130,11 @@ impl EnvDescription {
         [self.observed, self.achieved, self.goal]
     }
 
+    /// The components of an observation that are the goal unless others are given.
+    pub fn usual_goal(&self) -> Vec<usize> {
+        (0..self.observed.min(2)).collect()
+    }
+
     /// The lowest and the highest action of each component. Where a bound is missing, the range is as
     /// long as [-1, 1]; without both, it is that.
     fn action_bounds(&self) -> impl Iterator<Item = [f32; 2]> + Clone {
@@ -156,13 +161,17 @@ impl EnvDescription {
         endless.into_iter().chain(self.unbounded())
     }
 
+    /// Whether observations, goals and actions have the same form.
+    pub fn has_form_of(&self, other: &Self) -> bool {
+        (self.sizes(), &self.low, &self.high) == (other.sizes(), &other.low, &other.high)
+    }
+
     /// Checks that observations, goals and actions are what they were when this was `kept`; warns of
     /// another time limit.
     pub fn changes_since(&self, kept: &Self) -> Result<Option<String>, StoreError> {
-        let of = |about: &Self| (about.sizes(), about.low.clone(), about.high.clone());
         let another = "its environment has other observations, goals or actions now: install the \
                        version that the run began with";
-        StoreError::unless(of(self) == of(kept), another)?;
+        StoreError::unless(self.has_form_of(kept), another)?;
         let [was, is] = [kept, self].map(|one| one.time_limit.map_or("none".to_owned(), grouped));
         Ok((was != is).then(|| format!("its time limit, in steps, was {was} and is {is} now")))
     }

@@ -11,7 +11,7 @@ use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 
 use super::facts::{self, EnvFacts};
-use super::worker::{EnvDescription, GymWorker};
+use super::worker::{EnvDescription, GymWorker, failed};
 use crate::env::EnvError;
 use crate::job::Job;
 use crate::text::truncated;
@@ -188,10 +188,15 @@ impl Pool {
         let idle = {
             let mut idle = self.idle.lock();
             let enough = idle.iter().position(|worker| worker.environments >= environments);
-            let found = enough.or_else(|| idle.len().checked_sub(1));
-            found.map(|i| idle.swap_remove(i))
+            enough.or_else(|| idle.len().checked_sub(1)).map(|i| idle.swap_remove(i))
         };
-        let new = || start(&self.address, &self.options, &self.job).map(|(worker, _)| worker);
+        let new = || {
+            let (worker, about) = start(&self.address, &self.options, &self.job)?;
+            let is_same = about.has_form_of(&self.about) && about.source == self.about.source;
+            let problem =
+                "its file has changed since the run began: put back what it was".to_owned();
+            is_same.then_some(worker).ok_or_else(|| failed(&self.address.id, problem, Vec::new()))
+        };
         let mut worker = idle.map_or_else(new, Ok)?;
         worker.make(environments)?;
         Ok(worker)
