@@ -12,7 +12,7 @@ use crate::host::setup::Setup;
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;
-use gdg::text::grouped;
+use gdg::text::{counted, grouped};
 use gdg::train::{Evaluation, Trainer};
 
 /// Columns of every line.
@@ -151,7 +151,7 @@ impl MetricsTable {
 }
 
 /// Opens the table of a resumed run for more rows, and cuts off those that the run will write
-/// again; returns the others.
+/// again, of which it keeps a copy; returns the others.
 fn go_on(path: &Path, setup: &Setup) -> Result<(File, String), Report> {
     refuse_existing(path, true)?;
     let unreadable = |error: std::io::Error| {
@@ -162,9 +162,19 @@ fn go_on(path: &Path, setup: &Setup) -> Result<(File, String), Report> {
         let help = "give --csv another name, or --overwrite to replace the file";
         miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
     })?;
+    let now = setup.trainer.counters().updates;
+    let updates = |line: &&str| line.split(',').nth(2).and_then(|cell| cell.parse::<u64>().ok());
+    let cut = String::from_utf8_lossy(&table[kept..]);
+    let beyond = cut.lines().filter(|line| updates(line) > Some(now)).count() as u64;
+    if beyond > 0 {
+        // They may be all that is left of a run that an older copy of it goes on from.
+        let copy = files::write_to_unused(path, &table).map_err(unreadable)?;
+        let (path, rows, now) = (path.display(), counted(beyond, "row"), grouped(now));
+        let copy = copy.display();
+        eprint_line(&format!("{path}: removed {rows} beyond update {now}: all are in {copy}"));
+    }
     let file = files::open_or_create(path).map_err(unreadable)?;
     file.set_len(kept as u64).map_err(unreadable)?;
-    let now = setup.trainer.counters().updates;
     if last / PROGRESS_EVERY_UPDATES < now / PROGRESS_EVERY_UPDATES {
         let [last, now] = [last, now].map(grouped);
         let path = path.display();

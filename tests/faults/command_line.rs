@@ -184,7 +184,16 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         let mut args =
             with(&["--resume", "run.safetensors", "--max-updates", "1300", "--csv", "part.csv"]);
         args.extend(overwrite.then_some("--overwrite"));
-        assert!(!run(&args).contains("has no rows"), "{more}");
+        let said = run(&args);
+        assert!(!said.contains("has no rows"), "{more}");
+        // Rows beyond the checkpoint are kept in a copy.
+        let (copy, is_beyond) = (folder.path().join("part-2.csv"), more == beyond);
+        let removed = "part.csv: removed 1 row beyond update 1,000: all are in part-2.csv";
+        assert_eq!((said.contains(removed), copy.exists()), (is_beyond, is_beyond), "{said}");
+        if is_beyond {
+            assert_eq!(std::fs::read_to_string(&copy).unwrap(), format!("{saved}{more}"));
+            std::fs::remove_file(copy).unwrap();
+        }
         let mut rows = without_times(&part);
         // The first session's last evaluation, which the other run did not make.
         rows.retain(|row| row[0] != "evaluation" || row[1] != "1000");

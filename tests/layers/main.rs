@@ -37,7 +37,7 @@ const LIBRARY: [Room; 15] = [
 const PROGRAM: [Room; 7] = [
     ("host", 1_530),
     ("figure", 860),
-    ("headless", 951),
+    ("headless", 961),
     ("experiment", 5_488),
     ("tui", 19_300),
     ("cli", 628),
