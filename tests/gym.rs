@@ -442,6 +442,28 @@ print(reached)";
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn a_disc_that_a_finger_pushes_is_learned_from_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
+    let record = Command::new(python())
+        .arg("-B")
+        .arg(examples.join("contact.py"))
+        .arg(folder.path().join("push.npz"))
+        .output()
+        .unwrap();
+    assert!(record.status.success(), "{}", stderr(&record));
+    let mut command = program(folder.path());
+    command.env("PYTHONPATH", &examples);
+    command.args(["--no-ui", "gym:contact:PushDisc-v0", "--data", "push.npz", "--python"]);
+    command.arg(python()).args(["--max-updates", "30000", "--eval-tasks", "20"]);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let last = records(&output, "evaluation").pop().unwrap();
+    assert!(last["planned"]["success"].as_f64().unwrap() >= 0.8, "{last}");
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let free = [[-4.0, 4.0], [0.0, 2.0], [0.9, 2.9], [4.0, 0.0], [-4.9, -0.9]];

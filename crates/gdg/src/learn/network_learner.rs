@@ -125,12 +125,13 @@ impl LearnerVariant {
     }
 }
 
-/// Largest mean error of the dynamics model, in steps of D, with which targets and plans look ahead: a
-/// step gains at most 1. Where many numbers depend on each other, an actor finds actions of which a
-/// model errs on the good side, and D becomes as short as if what has to be moved moved by itself.
-const TRUSTED_STEPS: f32 = 0.25;
+/// Largest mean error of the dynamics model in D, as a share of D, with which targets and plans look
+/// ahead. Where many numbers depend on each other, an actor finds actions of which a model errs on the
+/// good side, and D becomes as short as if what has to be moved moved by itself. (Steps would not do as
+/// a unit: D that has become shorter is off by fewer.)
+const TRUSTED_ERROR: f32 = 0.03;
 
-const MODEL_ERROR: &str = "learner_model_error_steps";
+const MODEL_ERROR: &str = "learner_model_error";
 
 /// Averaging window of that error, in updates.
 const ERROR_UPDATES: f32 = 500.0;
@@ -142,8 +143,8 @@ pub struct NetworkLearner {
     /// Inference buffers for what the bridge graph adds to batches.
     scratch: Scratch,
     training: Training,
-    /// Mean of [`Losses::model_steps`] over the latest updates.
-    model_error_steps: f32,
+    /// Mean of the model's error in D over the latest updates, as a share of D.
+    model_error: f32,
 }
 
 impl NetworkLearner {
@@ -166,7 +167,7 @@ impl NetworkLearner {
         }
         let returns = training.shapes().returns.clone();
         let sampler = BatchSampler { spec: spec.clone(), settings, returns };
-        Ok(Self { variant, sampler, scratch: Scratch::default(), training, model_error_steps: 0.0 })
+        Ok(Self { variant, sampler, scratch: Scratch::default(), training, model_error: 0.0 })
     }
 
     /// Updates all networks once on `batch` (Algorithm 1's inner loop) and adds the time to
@@ -186,7 +187,7 @@ impl NetworkLearner {
 
     /// Whether the model is exact enough to look ahead.
     fn looks_ahead(&self) -> bool {
-        self.model_error_steps <= TRUSTED_STEPS
+        self.model_error <= TRUSTED_ERROR
     }
 
     #[cfg(test)]
@@ -232,7 +233,8 @@ impl Learner for NetworkLearner {
         self.sample(data)?;
         profile.lap(TrainingPhase::Sample, began);
         let losses = self.training.update(Some(job), profile)?;
-        self.model_error_steps += (losses.model_steps - self.model_error_steps) / ERROR_UPDATES;
+        let error = losses.model_steps / losses.actor.max(1.0);
+        self.model_error += (error - self.model_error) / ERROR_UPDATES;
         Ok(losses)
     }
 
@@ -284,7 +286,7 @@ impl Learner for NetworkLearner {
 
     fn save(&self, store: &mut Store) -> Result<(), LearnError> {
         store.put_text("learner_updates", self.training.actor().dense.steps().to_string());
-        store.put_numbers(MODEL_ERROR, vec![self.model_error_steps]);
+        store.put_numbers(MODEL_ERROR, vec![self.model_error]);
         for (name, network) in self.training.named() {
             network.save(name, store)?;
         }
@@ -310,7 +312,7 @@ impl Learner for NetworkLearner {
             .map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?;
         // Earlier checkpoints have none.
         let error = store.numbers(MODEL_ERROR).ok().and_then(|numbers| numbers.first().copied());
-        self.model_error_steps = error.unwrap_or_default();
+        self.model_error = error.unwrap_or_default();
         let mut networks = self.training.named();
         networks.try_for_each(|(name, network)| network.load(name, store, updates.into()))
     }
