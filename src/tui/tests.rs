@@ -2,17 +2,15 @@
 
 mod actions;
 mod after_keys;
-mod arm;
 mod compare;
 mod dialogs;
 mod found;
-mod goals;
 mod mouse;
 mod past;
 mod pixels;
 mod saving;
-mod screen_text;
 pub(super) mod screens;
+mod spaces;
 mod staged;
 mod tour;
 

@@ -39,7 +39,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 860),
     ("headless", 956),
     ("experiment", 5_480),
-    ("tui", 19_700),
+    ("tui", 19_300),
     ("cli", 628),
     ("commands", 1_000),
 ];

@@ -17,9 +17,9 @@ use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, DIM, REVERSED};
 
-/// Minimum rows for two panes below each other, and for three.
-const TWO_PANE_ROWS: u16 = 30;
-const THREE_PANE_ROWS: u16 = 48;
+/// Minimum rows below the chosen pane for another one, and for two.
+const SECOND_PANE_ROWS: u16 = 10;
+const THIRD_PANE_ROWS: u16 = 34;
 
 const MIN_COLUMN_WIDTH: u16 = 36;
 
@@ -33,9 +33,11 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let mut others = Pane::ALL.into_iter();
     let chosen = page.screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
-    let rows = match body.height {
-        h if h >= THREE_PANE_ROWS => 3,
-        h if h >= TWO_PANE_ROWS => 2,
+    let taken = lines(chosen, page.screen, page.scene, body.width)
+        .map_or(usize::from(SECOND_PANE_ROWS), |lines| lines.len() + 1);
+    let rows = match body.height.saturating_sub(taken as u16) {
+        left if left >= THIRD_PANE_ROWS => 3,
+        left if left >= SECOND_PANE_ROWS => 2,
         _ => 1,
     };
     // No more columns than there are panes for: the others are wider.
@@ -68,7 +70,7 @@ fn stack(area: Rect, panes: &[Pane], screen: &Screen, scene: &Scene) -> Vec<Rect
 /// Returns a pane's lines for `width` columns, if it consists of lines.
 pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<Vec<Line<'static>>> {
     match pane {
-        Pane::Training => Some(training::lines(screen, scene, usize::from(width))),
+        Pane::Training => Some(training::lines(screen, scene, width.into(), screen.maximised)),
         Pane::Walk => {
             let width = usize::from(width);
             let mut lines = scene.walk_lines(screen, width);
@@ -99,7 +101,7 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
         matches!(pane, Pane::Training | Pane::Walk) && !screen.maximised && pane == screen.pane;
     if has_more && usize::from(area.width) <= EXPLAINED_WIDTH {
         let key = screen.keymap.key_of(Action::Maximise);
-        block = block.title(Line::styled(format!(" {key} explains "), DIM).right_aligned());
+        block = block.title(Line::styled(format!(" {key} more "), DIM).right_aligned());
     }
     let inner = block.inner(area);
     frame.render_widget(block, area);

@@ -48,8 +48,8 @@ impl TestScreen {
                 Box::new(app)
             }
             Filmed => Box::new(past::filmed_app(&[1, 2_500, 5_000], width, height)),
-            Arm => Box::new(arm::staged_app(width, height)),
-            Goals => Box::new(goals::staged_app(width, height)),
+            Arm => Box::new(spaces::staged_arm(width, height)),
+            Goals => Box::new(spaces::staged_goals(width, height)),
             Both => Box::new(compare::staged(width.max(60), height.max(18))),
             List => Box::new(screen()),
         }
@@ -70,7 +70,7 @@ const ROWS: &[ScreenTest] = &[
     // What a screen has room for.
     (Run, SMALL, "", &["gdg-tui", "rooms", "gdg-bridge", "training", "updates", "success"], &[]),
     (Run, SMALL, "", &["Space pause", "n goal", "v view", "e edit", "? help"], &[]),
-    (Run, HUGE, "", &["elapsed", "D loss", "waypoint", "exploring", "q quit"], &[]),
+    (Run, HUGE, "", &["elapsed", "waypoint", "exploring", "q quit"], &["D loss"]),
     (Run, NARROW, "", &["Space pause", "panes", "? help", "q quit"], &[]),
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
     (New, (20, 24), "", &["panes"], &[]),
@@ -119,7 +119,8 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "{click 4 map}", &["bridge edges", "contours"], &[]),
     (New, NARROW, "{tab}", &["updates"], &["D to G"]),
     (New, NARROW, "5", &["gdg-bridge on rooms, 20 x 5 cells", "0:00:00 at 0"], &[]),
-    (New, SMALL, "z", &["updates"], &["D to G"]),
+    (New, SMALL, "z", &["updates", "replay"], &["D to G"]),
+    (Run, SMALL, "z", &["D loss", "critic: error of the distance D it learns"], &[]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, "m", &["marker: pixels (not supported here"], &[]),
     (Run, LARGE, "v", &["D from S"], &[]),

@@ -39,45 +39,51 @@ pub const MEANINGS: [(&str, &str); 21] = [
     ("learning", "time spent on updates, and on agents' steps"),
 ];
 
-pub fn lines(screen: &Screen, scene: &Scene, width: usize) -> Vec<Line<'static>> {
+/// Returns the lines that matter first, or all of them.
+pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
-    let (updates, steps) = snapshot.rates;
+    let (updates, _) = snapshot.rates;
     let updates = match (snapshot.learns, snapshot.updates()) {
         (true, now) => format!("{}, {}/s", count(screen, now), short(updates)),
         (false, 0) => "none: random steps".to_owned(),
         (false, before) => format!("{}, now none", count(screen, before)),
     };
-    let (used, room) = snapshot.replay;
-    let explained = width >= EXPLAINED_WIDTH;
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
     lines.extend(snapshot.seconds_left.map(|seconds| fact("left", clock(seconds))));
     lines.push(fact("updates", updates));
-    match &snapshot.data {
-        Some(data) => {
-            let file = data.file.file_name().unwrap_or_default().to_string_lossy();
-            lines.extend([
-                fact("data", sanitized(&file)),
-                fact("steps", format!("{} recorded", grouped(data.transitions as u64))),
-                fact("episodes", format!("{} recorded", grouped(data.episodes as u64))),
-            ]);
-        }
-        None => lines.extend([
-            fact(
-                "steps",
-                format!("{}, {}/s", count(screen, snapshot.counters.env_steps), short(steps)),
-            ),
-            fact("episodes", count(screen, snapshot.counters.episodes)),
-            fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
-        ]),
+    if all {
+        lines.extend(experience(screen));
     }
-    lines.extend(losses(screen));
-    lines.extend(success(screen));
-    lines.extend(bridges(screen, scene));
-    lines.extend(time(screen));
-    if explained {
+    lines.extend(losses(screen, all));
+    lines.extend(success(screen, all));
+    if all {
+        lines.extend(bridges(screen, scene));
+        lines.extend(time(screen));
+    }
+    if width >= EXPLAINED_WIDTH {
         lines.iter_mut().for_each(|line| explain(line, &MEANINGS));
     }
     lines
+}
+
+/// Describes what it learns from.
+fn experience(screen: &Screen) -> [Line<'static>; 3] {
+    let (snapshot, counters) = (&screen.snapshot, screen.snapshot.counters);
+    if let Some(data) = &snapshot.data {
+        let file = data.file.file_name().unwrap_or_default().to_string_lossy();
+        return [
+            fact("data", sanitized(&file)),
+            fact("steps", format!("{} recorded", grouped(data.transitions as u64))),
+            fact("episodes", format!("{} recorded", grouped(data.episodes as u64))),
+        ];
+    }
+    let (used, room) = snapshot.replay;
+    let rate = short(snapshot.rates.1);
+    [
+        fact("steps", format!("{}, {rate}/s", count(screen, counters.env_steps))),
+        fact("episodes", count(screen, counters.episodes)),
+        fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
+    ]
 }
 
 /// Formats a count, exactly if it does not change.
@@ -85,7 +91,7 @@ fn count(screen: &Screen, n: u64) -> String {
     if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
 }
 
-fn losses(screen: &Screen) -> Vec<Line<'static>> {
+fn losses(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     if !snapshot.learns {
         return Vec::new();
@@ -93,6 +99,9 @@ fn losses(screen: &Screen) -> Vec<Line<'static>> {
     if snapshot.counters.updates == 0 {
         let starts = screen.run().settings.train.learning_starts;
         return vec![fact("learning", format!("from step {}", short(starts as f64)))];
+    }
+    if !all {
+        return Vec::new();
     }
     let Losses { critic, model, actor, .. } = snapshot.losses;
     let lines = [
@@ -103,7 +112,7 @@ fn losses(screen: &Screen) -> Vec<Line<'static>> {
     lines.into_iter().flatten().collect()
 }
 
-fn success(screen: &Screen) -> Vec<Line<'static>> {
+fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
         let title = distances(&evaluation.greedy.by_distance);
@@ -119,9 +128,12 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
         if let Some(error) = evaluation.distance_error {
             let percent = |mape: f64| format!("off by {:.0} %", 100.0 * mape);
             lines.push(fact("D error", percent(error.mape)));
-            lines.extend(error.graph.map(|graph| fact("via graph", percent(graph.mape))));
+            let graph = error.graph.filter(|_| all);
+            lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
         }
-        lines.push(fact("evaluated", age(screen, screen.snapshot.learned(*updates))));
+        if all {
+            lines.push(fact("evaluated", age(screen, screen.snapshot.learned(*updates))));
+        }
         lines.push(next(screen));
         // Coverage is known between evaluations as well.
         let seen = screen.snapshot.latest_coverage();
