@@ -347,7 +347,7 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
     // All tasks of the second begin in one corner, which takes longer to learn.
     let worlds = [
         ("Point", 1, "600", &[("greedy", 0.75)][..]),
-        ("Tasks", 3, "1600", &[("greedy", 0.1), ("planned", 0.4)]),
+        ("Tasks", 3, "2400", &[("greedy", 0.1), ("planned", 0.4)]),
         ("Writes", 1, "600", &[("greedy", 0.75)]),
     ];
     for (name, groups, updates, least) in worlds {

@@ -34,7 +34,7 @@ pub const MEANINGS: [(&str, &str); 22] = [
     ("evaluated", "when success and errors were measured"),
     ("next", "when they are measured again"),
     ("explored", "visited share of the reachable cells"),
-    ("goal moves", "in so many steps, what has to be moved"),
+    ("moves", "steps that move what has to be moved"),
     ("bridges", "bridge candidates, and edges between them"),
     ("search", "steps gained by the best bridge tried"),
     ("learning", "time spent on updates, and on agents' steps"),
@@ -59,7 +59,7 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Lin
     lines.extend(success(screen, all));
     // Where it seldom moves, agents have to find out how.
     let seldom = snapshot.goal_moved.filter(|share| all || *share < 0.2);
-    let moved = |share: f64| fact("goal moves", format!("in {:.1} % of steps", 100.0 * share));
+    let moved = |share: f64| fact("moves", format!("in {:.1} % of steps", 100.0 * share));
     lines.extend(seldom.map(moved));
     if all {
         lines.extend(bridges(screen, scene));
