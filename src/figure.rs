@@ -46,8 +46,7 @@ impl FigureFormat {
         }
     }
 
-    /// Encodes the figure of a table, with the checksums of both near its end: of what is before them,
-    /// and of the table.
+    /// Encodes the figure of a table, with checksums near its end, of it and of the table.
     pub fn encode_with_table(self, sheet: &Sheet, table: &[u8]) -> Result<Vec<u8>, Report> {
         let mut file = self.encode(sheet)?;
         let (at, before) = match self {

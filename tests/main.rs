@@ -1,5 +1,5 @@
 //! All tests of the program in one binary, as each binary would link the whole library: file by
-//! file with `cargo test --release --test program mishaps::`. Only the tests of the layout, which
+//! file with `cargo test --release --test program faults::`. Only the tests of the layout, which
 //! link nothing, have their own.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
@@ -10,11 +10,11 @@ mod cli;
 #[cfg(unix)]
 mod compare;
 mod export;
+#[cfg(unix)]
+mod faults;
 mod formats;
 #[cfg(unix)]
 mod gym;
-#[cfg(unix)]
-mod mishaps;
 mod own_world;
 mod plot;
 mod ran;

@@ -199,9 +199,9 @@ pub fn learn_from(
         (impossible, "impossible on this map", if is_of_another { doubt } else { "" }),
         (by_chance, "they lead far, and not always to the same place", ""),
     ];
-    let endless = data.is_endless.then(|| {
-        format!("no row ends an episode: all {all} transitions are taken for one (terminals of 1 end one)")
-    });
+    let endless = data
+        .is_endless
+        .then(|| format!("no row ends an episode: all {all} transitions are taken for one"));
     let left_out = reasons.iter().filter(|(count, ..)| *count > 0).map(|(count, why, doubt)| {
         format!("{count} of {all} transitions are left out: {why}{doubt}")
     });

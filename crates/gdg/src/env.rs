@@ -322,7 +322,7 @@ pub trait Environment: Any + Send + Sync {
     /// from a file: they may be out of range.
     ///
     /// Returns whether the world can do this, which the default cannot. In a world that cannot,
-    /// resumed agents and those of evaluations begin at start states.
+    /// resumed agents, all of them, and those of evaluations begin at start states.
     fn set_full_state(&mut self, _agent: usize, _full_state: &[f64]) -> Result<bool, EnvError> {
         Ok(false)
     }

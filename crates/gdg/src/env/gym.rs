@@ -196,20 +196,6 @@ impl Gym {
         Ok(self.episodes[agent].checksum == episode.checksum)
     }
 
-    /// Gives the agents whose worker has failed as `agent` repeated its episode another one, where those
-    /// before it repeat theirs.
-    fn replace_worker(&mut self, agent: usize) -> Result<(), EnvError> {
-        let mut workers = self.workers.get_mut().iter_mut();
-        let Some((worker, agents)) = workers.find(|(_, agents)| agents.contains(&agent)) else {
-            return Ok(());
-        };
-        *worker = self.pool.take(agents.len())?;
-        (agents.start..agent).try_for_each(|before| {
-            let episode = std::mem::take(&mut self.episodes[before]);
-            self.repeat(before, &episode).map(drop)
-        })
-    }
-
     /// Calls `act` with the worker of `agent` and the number of its environment there.
     fn with_worker<R>(
         &mut self,
@@ -388,7 +374,10 @@ impl Environment for Gym {
                 "with the same seed and actions, other numbers than before have come out of {steps}"
             ),
             Err(EnvError::Failed { problem, .. }) if *checksum != UNCHECKED => {
-                self.replace_worker(agent)?;
+                let failed = self.workers.get_mut().iter_mut();
+                for (worker, agents) in failed.filter(|(worker, _)| worker.is_broken) {
+                    *worker = self.pool.take(agents.len())?;
+                }
                 format!("while {steps} were repeated, {problem}")
             }
             Err(error) => return Err(error),

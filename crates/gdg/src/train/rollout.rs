@@ -325,8 +325,9 @@ impl Rollout {
         self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
         self.aside = None;
+        let is_back = self.put_back((0..self.agents.len()).map(|i| before.full_state(i)))?;
         for i in 0..self.agents.len() {
-            if !self.env.set_full_state(i, &before.full_state(i))? {
+            if !is_back {
                 self.env.restart(i, &mut self.rng)?;
             }
             self.begin_episode(i);
@@ -452,21 +453,36 @@ impl Rollout {
             plan.walker.restore(graph)?;
         }
         self.rng = store.get("agents.rng")?;
+        if self.put_back(states.chunks_exact(size))? {
+            return Ok(());
+        }
+        self.round = None;
         for (i, full_state) in states.chunks_exact(size).enumerate() {
-            if !self.env.set_full_state(i, full_state)? {
-                // Then the full state begins with the state.
-                let state: Vec<f32> = full_state[..s].iter().map(|v| *v as f32).collect();
-                if self.agents[i].steps > 0 {
-                    replay.end_episode(i, &state);
-                }
-                candidates.visit(i, &state, &state);
-                candidates.end_episode(i);
-                self.env.restart(i, &mut self.rng)?;
-                self.begin_episode(i);
-                self.round = None;
+            // Then the full state begins with the state.
+            let state: Vec<f32> = full_state[..s].iter().map(|v| *v as f32).collect();
+            if self.agents[i].steps > 0 {
+                replay.end_episode(i, &state);
             }
+            candidates.visit(i, &state, &state);
+            candidates.end_episode(i);
+            self.env.restart(i, &mut self.rng)?;
+            self.begin_episode(i);
         }
         Ok(())
+    }
+
+    /// Puts the agents back into their full states; returns whether that could be done. Otherwise all
+    /// have to begin episodes: what has failed may have been the process of several.
+    fn put_back(
+        &mut self,
+        full_states: impl Iterator<Item = impl AsRef<[f64]>>,
+    ) -> Result<bool, EnvError> {
+        for (i, full_state) in full_states.enumerate() {
+            if !self.env.set_full_state(i, full_state.as_ref())? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     fn stays(&self, i: usize, context: &StepContext) -> bool {
