@@ -27,7 +27,7 @@ const LIBRARY: [Room; 15] = [
     ("env", 6_068),
     ("learn", 8_670),
     ("bridge", 3_910),
-    ("train", 6_842),
+    ("train", 6_850),
     ("engine", 1_220),
     ("draw", 820),
     ("viewer", 1_620),
