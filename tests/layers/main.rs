@@ -39,7 +39,7 @@ const PROGRAM: [Room; 7] = [
     ("figure", 860),
     ("headless", 951),
     ("experiment", 5_480),
-    ("tui", 19_300),
+    ("tui", 19_350),
     ("cli", 628),
     ("commands", 1_000),
 ];
