@@ -210,8 +210,8 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         fact(
             "alone",
             match (ghost.arrived, stands >= STANDS_STEPS) {
-                (true, _) => format!("arrived in {}", counted(u64::from(ghost.steps), "step")),
-                (false, true) => format!("stands since step {}", ghost.stands_since),
+                (true, _) => format!("arrived in {}", ghost.steps),
+                (false, true) => format!("stands since {}", ghost.stands_since),
                 (false, false) => counted(u64::from(ghost.steps), "step"),
             },
         )
