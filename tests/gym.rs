@@ -347,7 +347,7 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
     // All tasks of the second begin in one corner, which takes longer to learn.
     let worlds = [
         ("Point", 1, "600", &[("greedy", 0.75)][..]),
-        ("Tasks", 3, "1600", &[("greedy", 0.1), ("planned", 0.4)]),
+        ("Tasks", 3, "2400", &[("greedy", 0.1), ("planned", 0.4)]),
         ("Writes", 1, "600", &[("greedy", 0.75)]),
     ];
     for (name, groups, updates, least) in worlds {
@@ -438,6 +438,28 @@ print(reached)";
         .unwrap();
     let count: u32 = String::from_utf8_lossy(&walks.stdout).trim().parse().unwrap_or_default();
     assert!(count >= 17, "{count} {}", stderr(&walks));
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn a_disc_that_a_finger_pushes_is_learned_from_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
+    let record = Command::new(python())
+        .arg("-B")
+        .arg(examples.join("contact.py"))
+        .arg(folder.path().join("push.npz"))
+        .output()
+        .unwrap();
+    assert!(record.status.success(), "{}", stderr(&record));
+    let mut command = program(folder.path());
+    command.env("PYTHONPATH", &examples);
+    command.args(["--no-ui", "gym:contact:PushDisc-v0", "--data", "push.npz", "--python"]);
+    command.arg(python()).args(["--max-updates", "30000", "--eval-tasks", "20"]);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let last = records(&output, "evaluation").pop().unwrap();
+    assert!(last["planned"]["success"].as_f64().unwrap() >= 0.8, "{last}");
 }
 
 #[test]

@@ -51,11 +51,13 @@ pub enum Overlay {
     Search,
     /// The path planned by the walking agent.
     Path,
+    /// The actor alone, beside the walking agent.
+    Ghost,
 }
 
 impl Overlay {
     /// All overlays.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Contours,
         Self::Unexplored,
         Self::Agents,
@@ -63,6 +65,7 @@ impl Overlay {
         Self::Edges,
         Self::Search,
         Self::Path,
+        Self::Ghost,
     ];
 
     pub fn name(self) -> &'static str {
@@ -74,6 +77,7 @@ impl Overlay {
             Self::Edges => "bridge edges",
             Self::Search => "bridge search",
             Self::Path => "planned path",
+            Self::Ghost => "actor alone",
         }
     }
 }

@@ -200,7 +200,11 @@ impl Screen {
             Overlay::Contours if self.theme.depth == ColourDepth::Mono => {
                 Some("contour lines need colours: here shades show distances".to_owned())
             }
-            Overlay::Candidates | Overlay::Edges | Overlay::Search | Overlay::Path
+            Overlay::Candidates
+            | Overlay::Edges
+            | Overlay::Search
+            | Overlay::Path
+            | Overlay::Ghost
                 if !method.plans() =>
             {
                 let (key, name) = (self.keymap.key_of(Action::Method), method.name());

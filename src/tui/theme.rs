@@ -55,6 +55,9 @@ impl ThemeName {
     }
 }
 
+/// Share of white in the colour of the actor that walks alone.
+const GHOST_TINT: f32 = 0.6;
+
 /// How much lighter distances are in the light theme.
 const LIGHT_TINT: f32 = 0.3;
 
@@ -225,6 +228,11 @@ impl Theme {
     fn smooth_distance_colour(&self, share: f32) -> Rgb {
         let rgb = distance_colour(self.distance, share);
         if self.name == ThemeName::Light { blend(rgb, (255, 255, 255), LIGHT_TINT) } else { rgb }
+    }
+
+    /// Returns the colour of the actor that walks alone: a pale walker.
+    pub fn ghost(&self) -> Rgb {
+        blend(self.walker, (255, 255, 255), GHOST_TINT)
     }
 
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).

@@ -23,7 +23,7 @@ use crate::map::Cell;
 use crate::train::FilmFrame;
 pub use cells::{CellInfo, Exploration, Knowledge, cell_of_goal, way_along};
 pub use interpolation::FilmedMap;
-pub use pilot::{Candidate, Graph, OnArrival, Reach};
+pub use pilot::{Candidate, Ghost, Graph, OnArrival, Reach};
 use viewer_worker::ViewerWorker;
 
 /// Time between two steps of the walking agent.

@@ -261,6 +261,9 @@ const VIEW: &[Binding] = &[
         .about("the latest search for a bridge point, on or off", "bridge overlay layer"),
     overlay(Overlay::Path, "path", &["p"])
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
+    overlay(Overlay::Ghost, "ghost", &["shift-a"])
+        .about("the actor alone from the same start, on or off", "ghost pale compare plan walker")
+        .short("ghost"),
     watch_scene(A::Inspect, "inspect", &["i"])
         .about("inspect cells with a cursor", "look value info cell query coordinates position")
         .each(),

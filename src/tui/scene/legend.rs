@@ -26,6 +26,9 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 
 const MIN_TEXT_WIDTH: usize = 20;
 
+/// An actor stands still once it has not left a place for so many steps.
+const STANDS_STEPS: u32 = 20;
+
 /// Returns a field's name, the values at both ends, and a bar of `bar` characters if it has one.
 pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
     let name = Span::raw(format!(" {} ", field.name()));
@@ -159,6 +162,7 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
         Overlay::Edges => ('\u{2500}', theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (of_depth('+', '\u{25a0}'), theme.path),
+        Overlay::Ghost => (of_depth('a', '@'), theme.ghost()),
     })
 }
 
@@ -200,6 +204,18 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         (true, None) => fact("shortest", "no path"),
         (false, _) => fact("left", scene.format_length(reach.left)),
     });
+    let shows_ghost = screen.overlays.has(Overlay::Ghost);
+    lines.extend(reach.ghost.iter().filter(|_| shows_ghost).map(|ghost| {
+        let stands = ghost.steps - ghost.stands_since;
+        fact(
+            "alone",
+            match (ghost.arrived, stands >= STANDS_STEPS) {
+                (true, _) => format!("arrived in {}", ghost.steps),
+                (false, true) => format!("stands since {}", ghost.stands_since),
+                (false, false) => counted(u64::from(ghost.steps), "step"),
+            },
+        )
+    }));
     let waypoint = reach.waypoint.as_deref();
     let note = if has_path { "" } else { " (meaningless)" };
     lines.extend([

@@ -195,7 +195,7 @@ impl SceneKind for SpaceState {
             | Action::Undo
             | Action::Redo
             | Action::SaveMap
-            | Action::Toggle(Overlay::Unexplored) => false,
+            | Action::Toggle(Overlay::Unexplored | Overlay::Ghost) => false,
             Action::StartHere
             | Action::ZoomIn
             | Action::ZoomOut

@@ -4,7 +4,7 @@ use super::*;
 use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use gdg::engine::NextEvaluation;
 use gdg::train::{Counters, CurvePoint, DistanceError, DistanceScore, Evaluation, Score};
-use gdg::viewer::{Candidate, Exploration, Graph, Plane, Reach, way_along};
+use gdg::viewer::{Candidate, Exploration, Ghost, Graph, Plane, Reach, way_along};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -143,6 +143,7 @@ pub(super) fn staged_view(app: &Session) -> View {
             along: 12.4,
             waypoint: Some(vec![6.5, 1.5]),
             finished: (3, 4),
+            ghost: Some(Ghost::new(vec![2.5, 0.5])),
             ..Reach::default()
         },
         ..View::default()

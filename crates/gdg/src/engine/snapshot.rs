@@ -106,6 +106,8 @@ pub struct Snapshot {
     /// Updates after which the world was edited, in order.
     pub edits: Arc<Vec<u64>>,
     pub learns: bool,
+    /// See [`Trainer::goal_moved`].
+    pub goal_moved: Option<f64>,
     /// What a front end kept in the checkpoint that the run was loaded from.
     pub notes: Arc<Notes>,
     /// Update of the latest save, and its file.
@@ -171,6 +173,7 @@ impl Snapshot {
             methods: trainer.history().methods().clone(),
             edits: Arc::new(trainer.history().edits().to_vec()),
             learns: trainer.learns(),
+            goal_moved: None,
             notes: Arc::new(trainer.history().notes.clone()),
             saved: None,
             saved_seconds: 0.0,
@@ -190,6 +193,7 @@ impl Snapshot {
         self.seconds = trainer.seconds();
         self.profile = *trainer.profile();
         self.losses = trainer.losses();
+        self.goal_moved = trainer.goal_moved();
         self.curve = trainer.history().points().clone();
         self.film = trainer.film().frames().clone();
         self.replay.0 = trainer.replay().len();

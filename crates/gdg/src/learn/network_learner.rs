@@ -125,12 +125,15 @@ impl LearnerVariant {
     }
 }
 
-/// Largest mean error of the dynamics model, in steps of D, with which targets and plans look ahead: a
-/// step gains at most 1. Where many numbers depend on each other, an actor finds actions of which a
-/// model errs on the good side, and D becomes as short as if what has to be moved moved by itself.
-const TRUSTED_STEPS: f32 = 0.25;
+/// Mean errors of the dynamics model in D, in steps and as a share of D, of which both are exceeded
+/// where plans and targets no longer look ahead. Where many numbers depend on each other, an actor
+/// finds actions of which a model errs on the good side, and D becomes as short as if what has to be
+/// moved moved by itself. It then is off by fewer steps, so that only the share says when to trust the
+/// model again.
+const LARGEST_ERROR_STEPS: f32 = 0.25;
+const LARGEST_ERROR_SHARE: f32 = 0.03;
 
-const MODEL_ERROR: &str = "learner_model_error_steps";
+const MODEL_ERROR: &str = "learner_model_error";
 
 /// Averaging window of that error, in updates.
 const ERROR_UPDATES: f32 = 500.0;
@@ -142,8 +145,9 @@ pub struct NetworkLearner {
     /// Inference buffers for what the bridge graph adds to batches.
     scratch: Scratch,
     training: Training,
-    /// Mean of [`Losses::model_steps`] over the latest updates.
-    model_error_steps: f32,
+    /// Means of the model's error in D over the latest updates, in steps and as a share of D, and 1 where
+    /// it is not to be trusted.
+    model_error: [f32; 3],
 }
 
 impl NetworkLearner {
@@ -166,7 +170,7 @@ impl NetworkLearner {
         }
         let returns = training.shapes().returns.clone();
         let sampler = BatchSampler { spec: spec.clone(), settings, returns };
-        Ok(Self { variant, sampler, scratch: Scratch::default(), training, model_error_steps: 0.0 })
+        Ok(Self { variant, sampler, scratch: Scratch::default(), training, model_error: [0.0; 3] })
     }
 
     /// Updates all networks once on `batch` (Algorithm 1's inner loop) and adds the time to
@@ -186,7 +190,7 @@ impl NetworkLearner {
 
     /// Whether the model is exact enough to look ahead.
     fn looks_ahead(&self) -> bool {
-        self.model_error_steps <= TRUSTED_STEPS
+        self.model_error[2] == 0.0
     }
 
     #[cfg(test)]
@@ -232,7 +236,13 @@ impl Learner for NetworkLearner {
         self.sample(data)?;
         profile.lap(TrainingPhase::Sample, began);
         let losses = self.training.update(Some(job), profile)?;
-        self.model_error_steps += (losses.model_steps - self.model_error_steps) / ERROR_UPDATES;
+        let now = [losses.model_steps, losses.model_steps / losses.actor.max(1.0)];
+        let [steps, share, is_off] = &mut self.model_error;
+        for (mean, now) in [&mut *steps, &mut *share].into_iter().zip(now) {
+            *mean += (now - *mean) / ERROR_UPDATES;
+        }
+        let is_large = *share > LARGEST_ERROR_SHARE;
+        *is_off = f32::from(u8::from(is_large && (*is_off > 0.0 || *steps > LARGEST_ERROR_STEPS)));
         Ok(losses)
     }
 
@@ -284,7 +294,7 @@ impl Learner for NetworkLearner {
 
     fn save(&self, store: &mut Store) -> Result<(), LearnError> {
         store.put_text("learner_updates", self.training.actor().dense.steps().to_string());
-        store.put_numbers(MODEL_ERROR, vec![self.model_error_steps]);
+        store.put_numbers(MODEL_ERROR, self.model_error.to_vec());
         for (name, network) in self.training.named() {
             network.save(name, store)?;
         }
@@ -309,8 +319,8 @@ impl Learner for NetworkLearner {
         let updates = updates
             .map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?;
         // Earlier checkpoints have none.
-        let error = store.numbers(MODEL_ERROR).ok().and_then(|numbers| numbers.first().copied());
-        self.model_error_steps = error.unwrap_or_default();
+        let error = store.numbers(MODEL_ERROR).ok().and_then(|numbers| numbers.try_into().ok());
+        self.model_error = error.unwrap_or_default();
         let mut networks = self.training.named();
         networks.try_for_each(|(name, network)| network.load(name, store, updates.into()))
     }

@@ -420,7 +420,7 @@ fn nothing_looks_ahead_while_the_model_is_off_in_steps_of_distance() {
     assert!(changes(&learner));
     let mut store = Store::default();
     learner.save(&mut store).expect("saved");
-    store.put_numbers("learner_model_error_steps", vec![chance]);
+    store.put_numbers("learner_model_error", vec![chance, 0.1, 1.0]);
     learner.load(&store).expect("loaded");
     assert!(!changes(&learner));
 }

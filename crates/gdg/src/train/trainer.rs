@@ -191,6 +191,8 @@ impl Trainer {
         self.visits.scene(self.world())
     }
 
+    /// Returns the share of the agents' latest steps that have moved what has to be moved to the goal;
+    /// `None` where the goal is the whole state.
     pub fn goal_moved(&self) -> Option<f64> {
         self.rollout.excursions().goal_share().filter(|_| self.acts())
     }

@@ -186,6 +186,28 @@ impl Pilot {
     }
 }
 
+impl Pilot {
+    /// Whether the agent follows plans.
+    pub fn plans(&self) -> bool {
+        self.run.method.plans()
+    }
+
+    /// Moves the agent of `world` by one step of the actor alone towards `goal`.
+    ///
+    /// # Errors
+    /// The world fails.
+    pub fn step_alone(
+        &mut self,
+        world: &mut dyn Environment,
+        goal: &[f32],
+        rng: &mut ChaCha8Rng,
+    ) -> Result<(), EnvError> {
+        let mut action = vec![0.0; world.spec().action_dim];
+        self.networks.policy.actions(world.states(), goal, &mut action, &mut self.scratch);
+        world.step(&action, rng)
+    }
+}
+
 /// The agent's walk to the goal. Places are goals, `(goal_dim)`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reach {
@@ -222,6 +244,39 @@ pub struct Reach {
     pub finished: (u32, u32),
     /// Why the agent does not move, if its world has failed.
     pub failure: Option<String>,
+    /// In a maze, where the agent follows plans: the actor alone.
+    pub ghost: Option<Ghost>,
+}
+
+/// The actor alone on its way from the same start to the same goal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ghost {
+    /// Its place.
+    pub at: Vec<f32>,
+    /// Steps taken.
+    pub steps: u32,
+    /// Whether it has been at the goal, where it stays.
+    pub arrived: bool,
+    /// The step since which it has been within a goal radius of one place.
+    pub stands_since: u32,
+    stands_at: Vec<f32>,
+}
+
+impl Ghost {
+    /// Creates one that has taken no step from `at`.
+    pub fn new(at: Vec<f32>) -> Self {
+        Self { stands_at: at.clone(), at, steps: 0, arrived: false, stands_since: 0 }
+    }
+
+    /// Takes note of a step that `world` has made towards `goal`.
+    pub(super) fn note(&mut self, world: &dyn Environment, goal: &[f32]) {
+        let (state, spec) = (world.states(), world.spec());
+        (self.at, self.steps) = (spec.achieved(state).collect(), self.steps + 1);
+        self.arrived = spec.reached(state, goal);
+        if !spec.reached(state, &self.stands_at) {
+            (self.stands_since, self.stands_at) = (self.steps, self.at.clone());
+        }
+    }
 }
 
 /// Minimum interval between recomputations of field and graph, and the pause after each as a

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::cells::{CellInfo, Exploration, cell_of, cell_of_goal, sees, way_along};
 use super::interpolation::{FilmedMap, field_of_arm};
-use super::pilot::{OnArrival, Pilot, Reach, RefreshTimer};
+use super::pilot::{Ghost, OnArrival, Pilot, Reach, RefreshTimer};
 use super::{Field, Plane, Request, View};
 use crate::bridge::BridgeGraph;
 use crate::engine::{Networks, Snapshot};
@@ -36,6 +36,8 @@ pub struct ViewerWorker {
     scene: WorldScene,
     /// The agent's world; `None` if it has failed from the start.
     world: Option<Box<dyn Environment>>,
+    /// The same maze, in which the actor walks alone.
+    ghost_world: Option<PointMaze>,
     rng: ChaCha8Rng,
     pilot: Pilot,
     on_arrival: OnArrival,
@@ -74,6 +76,7 @@ impl ViewerWorker {
         let mut worker = Self {
             scene: snapshot.scene.clone(),
             world: world.ok(),
+            ghost_world: None,
             rng,
             pilot: Pilot::new(snapshot),
             on_arrival: OnArrival::default(),
@@ -227,6 +230,13 @@ impl ViewerWorker {
             finished: self.view.reach.finished,
             ..Reach::default()
         };
+        self.ghost_world = self.map().filter(|_| self.pilot.plans()).map(|map| {
+            let mut maze = PointMaze::new(map.clone(), 1);
+            // A maze never fails.
+            let _ = maze.set_full_state(0, &[f64::from(at[0]), f64::from(at[1])]);
+            maze
+        });
+        self.view.reach.ghost = self.ghost_world.as_ref().map(|_| Ghost::new(at.clone()));
         self.view.reach.shortest = goal.and_then(|goal| self.true_steps(&at, &goal));
         self.pilot.forget_plan();
         (self.resting, self.changed) = (0, true);
@@ -260,6 +270,12 @@ impl ViewerWorker {
             return;
         }
         self.changed = true;
+        if let (Some(ghost), Some(own)) = (&mut reach.ghost, &mut self.ghost_world)
+            && !ghost.arrived
+            && self.pilot.step_alone(own, &goal, &mut self.rng).is_ok()
+        {
+            ghost.note(own, &goal);
+        }
         if reach.arrived {
             self.resting += 1;
             match self.on_arrival {
@@ -562,16 +578,16 @@ fn distances(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bridge::Planner;
     use crate::train::{Method, Preset, Registry, Run, Settings, Trainer};
 
     fn snapshot(width: usize) -> Snapshot {
+        snapshot_of(width, Method::default())
+    }
+
+    fn snapshot_of(width: usize, method: Method) -> Snapshot {
         let map = Arc::new(Grid::new("hall", width, vec![true; 5 * width], Vec::new(), Vec::new()));
-        let run = Run {
-            method: Method::default(),
-            preset: Preset::Default,
-            seed: 1,
-            settings: Settings::default(),
-        };
+        let run = Run { method, preset: Preset::Default, seed: 1, settings: Settings::default() };
         let trainer =
             Trainer::new(run, &PointMaze::new(map, 0), &Registry::builtin(), 1).expect("a trainer");
         Snapshot::capture(&trainer).expect("a snapshot")
@@ -591,5 +607,23 @@ mod tests {
         assert_eq!(goal_after(&large, far), Some(far.centre().to_vec()));
         let goal = goal_after(&small, far);
         assert!(goal.as_ref().is_none_or(|at| at[0] < 4.0), "no cell outside of the map: {goal:?}");
+    }
+
+    #[test]
+    fn the_actor_walks_alone_beside_an_agent_that_plans() {
+        let none = Method { planner: Planner::None, ..Method::default() };
+        for (method, has_ghost) in [(Method::default(), true), (none, false)] {
+            let snapshot = snapshot_of(40, method);
+            let mut worker = ViewerWorker::new(&snapshot);
+            worker.handle(Request::Goal(Some(Cell::new(39, 4).centre().to_vec()), 1));
+            worker.handle(Request::Start(Some(vec![1.5, 2.5])));
+            worker.refresh(&snapshot);
+            (0..30).for_each(|_| worker.walk());
+            let reach = worker.changed_view().expect("a view").reach.clone();
+            let ghost = reach.ghost.as_ref();
+            assert_eq!(ghost.is_some(), has_ghost);
+            assert!(ghost.is_none_or(|ghost| ghost.steps == 30 && ghost.at != reach.start));
+            assert_eq!(reach.steps, 30);
+        }
     }
 }

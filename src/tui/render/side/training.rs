@@ -15,7 +15,7 @@ use gdg::text::{grouped, sanitized};
 use gdg::train::{DistanceScore, Score};
 
 /// The meanings of the numbers, by their names in the pane.
-pub const MEANINGS: [(&str, &str); 21] = [
+pub const MEANINGS: [(&str, &str); 22] = [
     ("elapsed", "time spent training"),
     ("left", "time until the run reaches its limit"),
     ("updates", "gradient steps so far, and per second"),
@@ -34,6 +34,7 @@ pub const MEANINGS: [(&str, &str); 21] = [
     ("evaluated", "when success and errors were measured"),
     ("next", "when they are measured again"),
     ("explored", "visited share of the reachable cells"),
+    ("moves", "steps that move what has to be moved"),
     ("bridges", "bridge candidates, and edges between them"),
     ("search", "steps gained by the best bridge tried"),
     ("learning", "time spent on updates, and on agents' steps"),
@@ -56,6 +57,10 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Lin
     }
     lines.extend(losses(screen, all));
     lines.extend(success(screen, all));
+    // Where it seldom moves, agents have to find out how.
+    let seldom = snapshot.goal_moved.filter(|share| all || *share < 0.2);
+    let moved = |share: f64| fact("moves", format!("in {:.1} % of steps", 100.0 * share));
+    lines.extend(seldom.map(moved));
     if all {
         lines.extend(bridges(screen, scene));
         lines.extend(time(screen));

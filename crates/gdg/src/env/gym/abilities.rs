@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn an_environment_whose_source_or_goal_is_another_is_another_one() {
         let fingerprint = |source, achieved: &[usize]| {
-            let about = EnvDescription { source, ..description(3, 0, achieved.len()) };
+            let about = EnvDescription { source, ..description(3, 0, 3) };
             let (sizes, columns, goal_columns) = (about.sizes(), vec![0, 1, 2], achieved.to_vec());
             let (achieved, goals) = (achieved.to_vec(), vec![0.0; achieved.len()]);
             let spec = Spec { achieved, ..positions(&[(0.0, 1.0); 3]) };
@@ -163,8 +163,8 @@ mod tests {
             Gym::without_agents(Arc::new(pool), Arc::new(found), false).fingerprint().expect("one")
         };
         // What `--goal` is by default is not said.
-        assert_eq!(fingerprint(Some(1), &[0, 1]), "own, goal radius 0.5, 00000001");
-        assert_eq!(fingerprint(None, &[2, 0]), "own, goal radius 0.5 in components 2 0");
+        assert_eq!(fingerprint(Some(1), &[0, 1]), "own, goal radius 1, 00000001");
+        assert_eq!(fingerprint(None, &[2, 0]), "own, goal radius 1 in components 2 0");
         assert_ne!(fingerprint(None, &[0]), fingerprint(None, &[0, 1]));
     }
 }

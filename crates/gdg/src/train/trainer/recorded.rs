@@ -3,7 +3,7 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::{RandomStream, Result, Trainer, new_learner, stream};
+use super::{RandomStream, Result, Trainer, stream};
 use crate::files::FileFacts;
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
@@ -69,44 +69,6 @@ impl Trainer {
         let facts = data.facts;
         self.data = Some(Data { source, acts: false, own_replay, facts, missing: None });
         Ok(LeftOut { impossible, by_chance })
-    }
-
-    /// Takes the scales of what is not the goal from what agents have met by now, each time that they
-    /// have made twice as many steps: what has to be touched first moves in no first look. Networks
-    /// are converted; what they say stays the same.
-    pub(super) fn rescale(&mut self, steps_before: u64) -> Result<()> {
-        let first = self.run.settings.train.learning_starts.max(1);
-        let doublings = |steps: u64| (steps / first).checked_ilog2();
-        let s = self.spec().state_dim();
-        if doublings(self.counters.env_steps) == doublings(steps_before)
-            || s == self.spec().goal_dim()
-        {
-            return Ok(());
-        }
-        let _activity = self.job.part("looking at the scales of states");
-        let mut walks = vec![Vec::new()];
-        self.replay.visit_rows(|state, _, is_last| {
-            if let Some(walk) = walks.last_mut() {
-                walk.extend_from_slice(state);
-            }
-            if is_last {
-                walks.push(Vec::new());
-            }
-        });
-        let walks: Vec<&[f32]> = walks.iter().map(Vec::as_slice).collect();
-        if !self.rollout.env.rescale(&walks, true) {
-            return Ok(());
-        }
-        let mut learner = new_learner(&self.run, self.spec(), &self.registry, self.threads)?;
-        // Networks that know nothing yet begin in the new scales.
-        if self.counters.updates > 0 {
-            let mut store = Store::default();
-            self.learner.save_in_scales_of(self.spec(), &mut store)?;
-            learner.load(&store)?;
-        }
-        self.learner = learner;
-        self.last_good = self.networks()?;
-        Ok(())
     }
 
     /// Finds out what tells places apart from what the replay buffer has seen.
