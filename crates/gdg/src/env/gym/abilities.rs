@@ -155,7 +155,7 @@ mod tests {
             let about = EnvDescription { source, ..description(3, 0, 3) };
             let (sizes, columns, goal_columns) = (about.sizes(), vec![0, 1, 2], achieved.to_vec());
             let (achieved, goals) = (achieved.to_vec(), vec![0.0; achieved.len()]);
-            let spec = Spec { achieved, ..positions(&[(0.0, 1.0); 3]) };
+            let spec = Spec { achieved, action_dim: 1, ..positions(&[(0.0, 1.0); 3]) };
             let found = EnvFacts { spec, sizes, columns, goal_columns, goals };
             let address = "own:Maze-v0".parse().expect("an address");
             let pool = Pool::only_read(address, &GymOptions::default(), about, found);
