@@ -135,6 +135,7 @@ fn input_that_is_not_in_a_file_is_refused_with_what_to_do() {
 }
 
 #[test]
+#[allow(clippy::too_many_lines, reason = "one table goes through all of it")]
 fn a_resumed_run_goes_on_in_its_own_table() {
     let folder = folder();
     let run = |args: &[&str]| {
