@@ -4,7 +4,10 @@ That it computes what the program does is tested by tests/export.rs.
 """
 
 import json
+import os
 import pathlib
+import subprocess
+import sys
 import tempfile
 import unittest
 
@@ -131,6 +134,56 @@ class Module(unittest.TestCase):
         ]:
             with self.assertRaisesRegex(ValueError, problem):
                 call()
+
+
+# In place of a service: says what is done, and fails at the step 3.
+SERVICE = """
+class Run:
+    def log(self, values, step):
+        if step == 3:
+            raise RuntimeError("no space left")
+        print("log", step)
+    def finish(self):
+        print("finish")
+Image = None
+def init(**how):
+    print("init")
+    return Run()
+"""
+
+
+class Logged(unittest.TestCase):
+    def log(self, *steps, mark=""):
+        """Logs a start for each 0, and progress for others; returns status, output, and errors."""
+        event = lambda step: {"event": "progress" if step else "start", "updates": step}
+        lines = mark + "".join(json.dumps(event(step)) + "\n" for step in steps)
+        with tempfile.TemporaryDirectory() as folder:
+            pathlib.Path(folder, "wandb.py").write_text(SERVICE)
+            read, write = os.pipe()
+            os.set_inheritable(write, False)
+            path = os.pathsep.join([folder, *sys.path])
+            command = [sys.executable, "-m", "gdg_tui.log", "--to", "wandb"]
+            how = {"stdin": read, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+            with subprocess.Popen(command, env={**os.environ, "PYTHONPATH": path}, **how) as logger:
+                os.close(read)
+                with os.fdopen(write, "wb") as records:
+                    # More than a pipe holds: it fails if nobody reads it.
+                    records.write(lines.encode() + 9_000 * b'{"event":"saved"}\n')
+                output, errors = logger.communicate()
+        return logger.returncode, output.split("\n")[:-1], errors
+
+    def test_runs_are_closed_where_the_next_one_starts(self):
+        status, output, _ = self.log(0, 1, 0, 2, mark="\ufeff")
+        self.assertEqual((status, output), (0, ["init", "log 1", "finish", "init", "log 2", "finish"]))
+
+    def test_a_failure_is_said_once_and_records_are_read_to_their_end(self):
+        status, output, errors = self.log(0, 1, 3, 3)
+        self.assertEqual((status, output), (1, ["init", "log 1"]))
+        self.assertEqual(errors.count("no space left"), 1)
+        self.assertNotIn("Traceback", errors)
+
+    def test_nothing_logged_is_a_failure(self):
+        self.assertEqual(self.log(1)[:2], (1, []))
 
 
 if __name__ == "__main__":

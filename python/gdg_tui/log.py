@@ -1,12 +1,13 @@
 """Logs runs to Weights & Biases, Trackio, TensorBoard or MLflow, from the records of gdg-tui.
 
-    gdg-tui --no-ui fourrooms --max-updates 20000 | tee -i run.jsonl | python -m gdg_tui.log --to wandb
+    gdg-tui --no-ui fourrooms --max-updates 20000 | tee -ip run.jsonl | python -m gdg_tui.log --to wandb
     python -m gdg_tui.log run.jsonl resumed.jsonl --to tensorboard
     python -m gdg_tui.log saves/suite/jobs/*.json --to mlflow
 
 Records are lines of JSON as `--no-ui` writes them, of files or of standard input while the run goes
 on, or results of the jobs of `suite` and `reproduce`. The step is the number of updates. A run has
-the same ID whenever it is logged: what is resumed goes on in its curve.
+the same ID whenever it is logged: what is resumed goes on in its curve. Where a service fails, that is
+said, and records are read on to their end: with `tee -ip`, no failure here ends the training.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 def records(path: pathlib.Path | None) -> Iterator[dict[str, Any]]:
     """Yields the records of a file or of standard input, or what a job's result amounts to."""
-    text = path.read_text(encoding="utf-8") if path else ""
+    text = path.read_text(encoding="utf-8-sig") if path else ""
     if path and path.suffix == ".json":
         job = json.loads(text)
         evaluations = job.pop("evaluations")
@@ -133,8 +134,8 @@ def records(path: pathlib.Path | None) -> Iterator[dict[str, Any]]:
         return
     for number, line in enumerate(text.splitlines() if path else sys.stdin, 1):
         try:
-            yield json.loads(line)
-        except ValueError:
+            yield dict(json.loads(line))
+        except (TypeError, ValueError):
             print(f"{path or 'standard input'}:{number}: no record, left out", file=sys.stderr)
 
 
@@ -167,7 +168,29 @@ def show(run: Any, picture: pathlib.Path, step: int) -> None:
         print(f"{picture} was not logged: {error}", file=sys.stderr)
 
 
-def main() -> None:
+def log(options: argparse.Namespace) -> int:
+    """Logs all records; returns of how many runs."""
+    run, step, runs = None, 0, 0
+    for path in options.files or [None]:
+        for record in records(path):
+            event, step = record.pop("event", None), record.get("updates", step)
+            picture = record.get("picture") or options.picture
+            if run and event == "end" and picture and picture.is_file():
+                show(run, picture, step)
+            if run and event in ("start", "end"):
+                run.close()
+                run = None
+            if event == "start":
+                run, runs = SERVICES[options.to](options.project, *described(record), step), runs + 1
+            elif run and event != "saved":
+                run.log(numbers(event, record), step)
+        if run:
+            run.close()
+            run = None
+    return runs
+
+
+def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m gdg_tui.log", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     add = parser.add_argument
@@ -181,29 +204,21 @@ def main() -> None:
     if not options.files:
         # Ctrl-C ends the trainer, whose last records are still to come.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    run, step = None, 0
-    for path in options.files or [None]:
-        for record in records(path):
-            event, step = record.pop("event", None), record.get("updates", step)
-            if event == "start":
-                run = SERVICES[options.to](options.project, *described(record), step)
-            elif run and event == "end":
-                picture = record.get("picture") or options.picture
-                if picture and picture.is_file():
-                    show(run, picture, step)
-                run.close()
-                run = None
-            elif run and event != "saved":
-                run.log(numbers(event, record), step)
-        if run:
-            run.close()
-            run = None
+        sys.stdin.reconfigure(encoding="utf-8-sig", errors="replace")
+    try:
+        if log(options):
+            return 0
+        problem = "nothing was logged: there is no start record"
+    except ImportError as error:
+        problem = f"{error}: pip install {error.name}"
+    except Exception as error:  # Each service has its own.
+        problem = f"no more is logged: {type(error).__name__}: {error}"
+    print(problem, file=sys.stderr, flush=True)
+    # The trainer would fail if nobody read what it still writes.
+    for _ in () if options.files else sys.stdin:
+        pass
+    return 1
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except ImportError as error:
-        sys.exit(f"{error}: pip install {error.name}")
-    except OSError as error:
-        sys.exit(str(error))
+    sys.exit(main())
