@@ -107,7 +107,7 @@ impl Excursions {
         self.moves.note(spec, state, next);
     }
 
-    /// Finds out what else tells places apart.
+    /// Looks for further components that distinguish places.
     pub fn look(&mut self, spec: &Spec) {
         if let Some(axes) = self.moves.more_axes(spec, self.places.axes()) {
             self.places = Places::along(spec, axes);
@@ -116,7 +116,7 @@ impl Excursions {
         }
     }
 
-    /// Returns what tells places apart beside the goal.
+    /// Returns the axes that distinguish places besides those of the goal.
     pub fn other_axes(&self, spec: &Spec) -> &[Axis] {
         &self.places.axes()[spec.goal_dim()..]
     }

@@ -1,4 +1,4 @@
-//! What tells places apart: the goal's components, and others that agents have to bring about first.
+//! The axes that distinguish places: the goal's components, and those that agents must change first.
 
 use serde::{Deserialize, Serialize};
 
@@ -91,7 +91,7 @@ impl Moves {
         self.steps >= LOOK_EVERY && self.goal_share < SELDOM
     }
 
-    /// Returns what tells places apart from now on, if more than `axes` do.
+    /// Returns the axes that distinguish places from now on, if there are more than `axes`.
     pub fn more_axes(&self, spec: &Spec, axes: &[Axis]) -> Option<Vec<Axis>> {
         let share = |i: usize| self.moved[i] as f64 / self.steps as f64;
         // What moves together with an object is part of it.

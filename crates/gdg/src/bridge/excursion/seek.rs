@@ -59,22 +59,6 @@ impl GoalMoves {
         self.0.push_back(GoalMove { state: state.to_vec(), action: action.to_vec(), far });
     }
 
-    /// Returns the action that has moved the achieved goal farthest near `state`, and the square of the
-    /// distance to the nearest remembered state.
-    fn best_near(&self, spec: &Spec, state: &[f32]) -> Option<(&[f32], f32)> {
-        let state = scaled(spec, state);
-        let squared = |own: &GoalMove| {
-            let own = scaled(spec, &own.state);
-            own.iter().zip(&state).map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
-        };
-        let mut near: Vec<(f32, &GoalMove)> =
-            self.0.iter().map(|own| (squared(own), own)).collect();
-        near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (nearest, _) = near.first()?;
-        let best = near.iter().take(NEAR_MOVES).max_by(|a, b| a.1.far.total_cmp(&b.1.far))?;
-        Some((&best.1.action, *nearest))
-    }
-
     pub fn fit(&self, spec: &Spec) -> bool {
         let fits = |numbers: &[f32], length: usize| {
             numbers.len() == length && numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE)
@@ -88,8 +72,50 @@ impl GoalMoves {
     }
 }
 
-fn scaled(spec: &Spec, state: &[f32]) -> Vec<f32> {
-    state.iter().enumerate().map(|(i, value)| spec.scaled(i, *value)).collect()
+/// What is remembered, to be compared with many states: scaled, component by component,
+/// `(state_dim, moves)`.
+struct Remembered<'a> {
+    spec: &'a Spec,
+    moves: &'a GoalMoves,
+    columns: Vec<f32>,
+    squares: Vec<f32>,
+}
+
+impl<'a> Remembered<'a> {
+    /// Returns `None` if nothing is remembered.
+    fn of(spec: &'a Spec, moves: &'a GoalMoves) -> Option<Self> {
+        let count = moves.0.len();
+        let column = |i| moves.0.iter().map(move |own| spec.scaled(i, own.state[i]));
+        let columns = (0..spec.state_dim()).flat_map(column).collect();
+        (count > 0).then(|| Self { spec, moves, columns, squares: vec![0.0; count] })
+    }
+
+    /// Returns the squares of the distances from `state` to all that is remembered.
+    fn squares(&mut self, state: &[f32]) -> &[f32] {
+        self.squares.fill(0.0);
+        for (i, own) in self.columns.chunks_exact(self.squares.len()).enumerate() {
+            let u = self.spec.scaled(i, state[i]);
+            self.squares.iter_mut().zip(own).for_each(|(sum, v)| *sum += (v - u) * (v - u));
+        }
+        &self.squares
+    }
+
+    /// Returns the square of the distance from `state` to the nearest remembered one.
+    fn nearest(&mut self, state: &[f32]) -> f32 {
+        self.squares(state).iter().copied().fold(f32::INFINITY, f32::min)
+    }
+
+    /// Returns the action that has moved the achieved goal farthest near `state`, and the square of the
+    /// distance to the nearest remembered state.
+    fn best_near(&mut self, state: &[f32]) -> Option<(&'a [f32], f32)> {
+        let moves = self.moves;
+        let mut near: Vec<(f32, &GoalMove)> =
+            self.squares(state).iter().copied().zip(&moves.0).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (nearest, _) = near.first()?;
+        let best = near.iter().take(NEAR_MOVES).max_by(|a, b| a.1.far.total_cmp(&b.1.far))?;
+        Some((&best.1.action, *nearest))
+    }
 }
 
 /// An excursion of one agent.
@@ -142,11 +168,12 @@ impl Seek {
             }
             let is_random = rng.random::<f32>() < RANDOM_SHARE;
             let again = rng.random::<f32>() < AGAIN_SHARE;
-            let best = moves.best_near(spec, state).filter(|_| !is_random);
+            let mut remembered = Remembered::of(spec, moves).filter(|_| !is_random);
+            let best = remembered.as_mut().and_then(|own| Some((own.best_near(state)?, own)));
             self.action = match best {
                 None => tried[..spec.action_dim].to_vec(),
-                Some((best, here)) => {
-                    let (action, ahead) = imagined(spec, moves, state, &tried, policy, scratch);
+                Some(((best, here), remembered)) => {
+                    let (action, ahead) = imagined(remembered, state, &tried, policy, scratch);
                     if here <= ahead && again { best.to_vec() } else { action.to_vec() }
                 }
             };
@@ -160,30 +187,12 @@ impl Seek {
 /// Returns that of the `tried` actions which the model expects to lead nearest to a remembered state
 /// if it is held, and the square of the distance.
 fn imagined<'a>(
-    spec: &Spec,
-    moves: &GoalMoves,
+    remembered: &mut Remembered,
     state: &[f32],
     tried: &'a [f32],
     policy: &dyn Policy,
     scratch: &mut Scratch,
 ) -> (&'a [f32], f32) {
-    let count = moves.0.len();
-    // Component by component, as there are many to compare with.
-    let mut remembered = vec![0.0; count * state.len()];
-    for (m, own) in moves.0.iter().enumerate() {
-        for (i, value) in own.state.iter().enumerate() {
-            remembered[i * count + m] = spec.scaled(i, *value);
-        }
-    }
-    let mut squares = vec![0.0; count];
-    let mut nearest = |state: &[f32]| {
-        squares.fill(0.0);
-        for (i, own) in remembered.chunks_exact(count).enumerate() {
-            let u = spec.scaled(i, state[i]);
-            squares.iter_mut().zip(own).for_each(|(sum, v)| *sum += (v - u) * (v - u));
-        }
-        squares.iter().copied().fold(f32::INFINITY, f32::min)
-    };
     let mut states = state.repeat(TRIED);
     let mut next = states.clone();
     let mut least = vec![f32::INFINITY; TRIED];
@@ -192,7 +201,7 @@ fn imagined<'a>(
         std::mem::swap(&mut states, &mut next);
         if step.is_multiple_of(COMPARED_EVERY) {
             for (least, state) in least.iter_mut().zip(states.chunks_exact(state.len())) {
-                *least = least.min(nearest(state));
+                *least = least.min(remembered.nearest(state));
             }
         }
     }
