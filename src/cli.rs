@@ -17,7 +17,7 @@ use gdg::map::BUILTIN;
 use gdg::train::Registry;
 
 pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
-pub use screen_args::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
+pub use screen_args::{CompareArgs, RunsArgs, ScreenArgs, TourArgs, WatchArgs};
 pub use train::TrainArgs;
 
 /// The program's name on the command line.
@@ -33,6 +33,7 @@ Examples:
   gdg-tui --resume                           resume the run that was saved last
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui runs                               all runs: resume, compare
+  gdg-tui watch                              the run that another program trains
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
   gdg-tui compare gdg-bridge gdg trap        with bridge points and without
@@ -82,6 +83,8 @@ pub enum Command {
     Maps(MapsArgs),
     /// Show the runs of folders: filter, sort, compare their curves and settings, resume them
     Runs(RunsArgs),
+    /// Watch a run that another program trains, here or on a machine that shares the folder
+    Watch(WatchArgs),
     /// Print the reference of all settings in Markdown
     Settings,
     /// Take a guided tour of the four rooms: a minute and a half

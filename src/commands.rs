@@ -46,6 +46,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         None => train::run(&cli.train, registry),
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
+        Some(Command::Watch(args)) => runs::watch(&args, registry),
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),

@@ -72,6 +72,31 @@ pub struct RunsArgs {
     pub screen: ScreenArgs,
 }
 
+const WATCH_EXAMPLES: &str = "\
+Examples:
+  gdg-tui watch                              the run here that was written last
+  gdg-tui watch runs/a.safetensors           as its checkpoint has it
+  gdg-tui watch runs/a.jsonl                 by its records, which name the checkpoint
+
+Map, D and plan are those of the checkpoint, which is opened again whenever it has been saved \
+(--save-every MINUTES); curves and time left follow the records. Nothing is written, locked or \
+signalled, so that a run can be watched from another machine that shares the folder. t trains a \
+copy of it.
+
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a \
+signal.";
+
+#[derive(Debug, Args)]
+#[command(after_help = WATCH_EXAMPLES)]
+pub struct WatchArgs {
+    /// Checkpoint of the run, its records, or a folder with either [default: what is in saves/]
+    #[arg(value_name = "FILE")]
+    pub file: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub screen: ScreenArgs,
+}
+
 const COMPARE_EXAMPLES: &str = "\
 Examples:
   gdg-tui compare gdg-bridge gdg trap        with bridge points and without

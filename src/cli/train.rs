@@ -111,6 +111,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 
+    /// Whether what is resumed becomes a run of this program, not one that it watches.
+    #[arg(skip = true)]
+    pub is_copy: bool,
+
     #[command(flatten)]
     pub interface: InterfaceOptions,
 

@@ -24,6 +24,7 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
+pub use read_records::{Progress, whole};
 pub use reader::{FoundRuns, RunReader};
 
 /// Records that have not grown for this long are not of a running run.
@@ -70,6 +71,7 @@ pub struct SavedRun {
     /// The checkpoint that they go on from, if they say so.
     pub resumed: Option<PathBuf>,
     pub updates: u64,
+    pub progress: Progress,
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
@@ -161,6 +163,12 @@ impl SavedRun {
             let age = self.written.map(|at| at.elapsed().unwrap_or_default());
             if age.is_some_and(|age| age < QUIET) { RunState::Running } else { RunState::CutOff }
         })
+    }
+
+    /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.
+    pub fn kept(&self) -> Option<PathBuf> {
+        let beside = Some(self.source.with_extension("safetensors"));
+        [self.checkpoint.clone(), beside].into_iter().flatten().find(|path| path.is_file())
     }
 
     /// Returns what of it is left out, for a line of its own.

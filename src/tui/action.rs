@@ -55,6 +55,7 @@ pub enum Action {
     OpenMap,
     Save,
     SaveAs,
+    TrainCopy,
     Load,
     Export,
     NextTourStep,
@@ -93,6 +94,8 @@ pub enum Mode {
     Editing,
     /// During the tour: the keys added to those of [`Self::Watching`].
     Touring,
+    /// The same while another program trains the run.
+    Elsewhere,
     Comparing,
     EditingBoth,
     /// In a list of runs.
@@ -100,10 +103,11 @@ pub enum Mode {
 }
 
 impl Mode {
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 7] = [
         Self::Watching,
         Self::Editing,
         Self::Touring,
+        Self::Elsewhere,
         Self::Comparing,
         Self::EditingBoth,
         Self::Listing,
@@ -177,6 +181,7 @@ impl Binding {
         match self.when {
             Some(Mode::Editing) => " (in the editor)",
             Some(Mode::Touring) => " (in the tour)",
+            Some(Mode::Elsewhere) => " (gdg-tui watch)",
             _ => "",
         }
     }

@@ -37,8 +37,7 @@ const VALUE_WIDTH: usize = 12;
 /// The help: what is seen, what can be done on this screen, with its keys, the fields to show, the
 /// settings, and what the numbers mean. Typing searches it, and Enter does what is selected.
 pub fn help(screen: &Screen, scene: &Scene) -> Picker {
-    let touring = screen.tour.as_ref().map(|_| Mode::Touring);
-    let modes: Vec<Mode> = [Mode::Watching, Mode::Editing].into_iter().chain(touring).collect();
+    let modes = [Mode::Watching, Mode::Editing, scene.mode(screen)];
     let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);

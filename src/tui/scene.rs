@@ -198,6 +198,7 @@ impl Scene {
         match &screen.tour {
             _ if self.is_editing() => Mode::Editing,
             Some(_) => Mode::Touring,
+            None if screen.elsewhere.is_some() => Mode::Elsewhere,
             None => Mode::Watching,
         }
     }

@@ -79,6 +79,8 @@ pub struct Screen {
     pub past: Option<Arc<FilmFrame>>,
     /// The step of the guided tour, while it lasts.
     pub tour: Option<ShownStep>,
+    /// What the run does, and when it was saved, if another program trains it.
+    pub elsewhere: Option<[String; 2]>,
     /// The bridge search that the tour explains, instead of the latest.
     pub explained: Option<Arc<SearchOutcome>>,
     /// Whether a hint explains the screen, until a goal is set.
@@ -125,6 +127,7 @@ impl Screen {
             banner: Some(Instant::now()),
             past: None,
             tour: None,
+            elsewhere: None,
             explained: None,
             explains: false,
             layout: ScreenLayout::default(),
@@ -164,6 +167,10 @@ impl Screen {
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
     pub fn command(&mut self, command: EngineCommand) -> bool {
+        if self.elsewhere.is_some() {
+            self.refuse_to_train();
+            return false;
+        }
         let sent = self.engine.send(command);
         if !sent {
             self.notify("the trainer is busy: try again");
@@ -171,6 +178,11 @@ impl Screen {
             self.say(&format!("taken: it follows, the trainer is {}", job.what()));
         }
         sent
+    }
+
+    pub fn refuse_to_train(&mut self) {
+        let key = self.keymap.key_of(Action::TrainCopy);
+        self.say(&format!("another program trains this run: {key} trains a copy"));
     }
 
     pub fn request(&self, request: Request) {
@@ -248,19 +260,20 @@ impl Screen {
         if let Some(busy) = self.busy.as_ref().filter(|_| !self.frozen) {
             return if self.pausing { format!("pausing: {busy}") } else { busy.clone() };
         }
-        match &self.snapshot.phase {
+        match (&self.elsewhere, &self.snapshot.phase) {
             _ if self.frozen => "screen frozen".to_owned(),
-            Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
-            Phase::Running if applying_edit => "applying the edit".to_owned(),
-            Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
-            Phase::Running => match self.snapshot.counters.relearning() {
+            (Some([state, _]), _) => state.clone(),
+            (None, Phase::Running | Phase::Stepping(_)) if self.pausing => "pausing".to_owned(),
+            (None, Phase::Running) if applying_edit => "applying the edit".to_owned(),
+            (None, Phase::Running) if !self.snapshot.learns => "random steps".to_owned(),
+            (None, Phase::Running) => match self.snapshot.counters.relearning() {
                 Some(left) => format!("relearning ({} updates to go)", grouped(left)),
                 None => "training".to_owned(),
             },
-            Phase::Stepping(_) => "stepping".to_owned(),
-            Phase::Paused => "paused".to_owned(),
-            Phase::Done => "done".to_owned(),
-            Phase::Failed(error) => format!("stopped: {error}"),
+            (None, Phase::Stepping(_)) => "stepping".to_owned(),
+            (None, Phase::Paused) => "paused".to_owned(),
+            (None, Phase::Done) => "done".to_owned(),
+            (None, Phase::Failed(error)) => format!("stopped: {error}"),
         }
     }
 

@@ -2,11 +2,12 @@
 //! the screen.
 //!
 //! What commands do with it: `watching`, `change_run`, `disk`, `saving`, `tour`. `answer`:
-//! dialogs and their answers.
+//! dialogs and their answers. `elsewhere`: a run that another program trains.
 
 pub mod answer;
 pub mod change_run;
 pub mod disk;
+pub mod elsewhere;
 pub mod saving;
 mod tour;
 pub mod watching;
@@ -32,6 +33,7 @@ use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::{PATIENCE, Screen};
 use disk::ShowResult;
+use elsewhere::TrainedElsewhere;
 use gdg::engine::{EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
@@ -81,6 +83,8 @@ pub struct Session {
     views: watch::Receiver<Arc<View>>,
     pub saver: Saver,
     pub guide: TourGuide,
+    /// The run, if another program trains it.
+    pub elsewhere: Option<TrainedElsewhere>,
     /// What the terminal has been asked to do.
     pub terminal_request: Option<TerminalRequest>,
     /// What the next frame can reuse.
@@ -128,6 +132,7 @@ impl Session {
             views,
             saver: Saver::new(save, config.autosave_minutes),
             guide: TourGuide::default(),
+            elsewhere: None,
             terminal_request: None,
             cache: Cache::with_pictures(),
             was_frozen: false,
@@ -232,8 +237,7 @@ impl Session {
     pub async fn update(&mut self) {
         tokio::select! {
             Ok(()) = self.snapshots.changed() => {
-                let snapshot = self.snapshots.borrow_and_update().clone();
-                self.on_snapshot(snapshot);
+                self.show_latest();
             }
             Ok(()) = self.views.changed() => {
                 let view = self.views.borrow_and_update().clone();
@@ -254,7 +258,7 @@ impl Session {
         let log_changed = cx.screen.log.on_tick();
         let read = disk::on_tick(cx);
         let busy_changed = self.update_busy();
-        read || log_changed || dropped || tour_changed || busy_changed
+        self.follow_files() || read || log_changed || dropped || tour_changed || busy_changed
     }
 
     /// Looks at what the trainer is doing; returns whether the screen changes.
@@ -271,6 +275,10 @@ impl Session {
     }
 
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
+        let snapshot = match &self.elsewhere {
+            Some(run) => Arc::new(run.with_records(&snapshot, &self.screen.latest)),
+            None => snapshot,
+        };
         let before = std::mem::replace(&mut self.screen.latest, snapshot);
         self.show_snapshot(&before);
         let then = self.saver.on_snapshot(&before, &mut self.cx);
@@ -330,9 +338,13 @@ impl Session {
     /// Handles the latest snapshot if it has not been handled yet.
     pub fn catch_up(&mut self) {
         if self.snapshots.has_changed().unwrap_or(true) {
-            let snapshot = self.snapshots.borrow_and_update().clone();
-            self.on_snapshot(snapshot);
+            self.show_latest();
         }
+    }
+
+    pub fn show_latest(&mut self) {
+        let snapshot = self.snapshots.borrow_and_update().clone();
+        self.on_snapshot(snapshot);
     }
 
     pub fn on_view(&mut self, view: Arc<View>) {

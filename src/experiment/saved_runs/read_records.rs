@@ -29,9 +29,7 @@ const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 #[serde(tag = "event", rename_all = "kebab-case")]
 enum ReadRecord {
     Start(Box<Start>),
-    Progress {
-        updates: u64,
-    },
+    Progress(Progress),
     Evaluation(Box<EvaluationAt>),
     Saved {
         path: PathBuf,
@@ -47,6 +45,19 @@ enum ReadRecord {
     },
     #[serde(other)]
     Other,
+}
+
+/// How far a run was when it last told.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Progress {
+    pub updates: u64,
+    pub env_steps: u64,
+    pub episodes: u64,
+    pub seconds: f64,
+    pub updates_per_second: Option<f64>,
+    /// Estimated seconds until the run ends.
+    pub left: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -92,7 +103,7 @@ impl SavedRun {
 
     fn add(&mut self, record: ReadRecord) {
         match record {
-            ReadRecord::Progress { updates } => self.updates = updates,
+            ReadRecord::Progress(now) => (self.updates, self.progress) = (now.updates, now),
             ReadRecord::Evaluation(at) => {
                 self.updates = at.updates;
                 self.evaluations.push(*at);

@@ -7,7 +7,7 @@ use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
 use crate::tui::interface::TerminalRequest;
 use crate::tui::lists;
-use crate::tui::session::{Session, change_run, disk, saving, watching};
+use crate::tui::session::{Session, change_run, disk, watching};
 use gdg::engine::Step;
 
 /// A row for an action that `run` performs.
@@ -101,6 +101,9 @@ impl Binding {
             };
             return session.screen.notify(&text);
         }
+        if session.screen.elsewhere.is_some() && self.changes_run() {
+            return session.screen.refuse_to_train();
+        }
         if self.is_about_present {
             watching::leave_past(session);
         }
@@ -111,6 +114,13 @@ impl Binding {
             session.screen.log.dismiss_before(began);
         }
         session.thaw();
+    }
+
+    /// Whether it trains, changes, replaces or saves the run, which another program may do instead.
+    pub fn changes_run(&self) -> bool {
+        let is_change = |b: &Binding| b.action == self.action;
+        [TRAINING, MAP_EDITOR, FILES].into_iter().flatten().any(is_change)
+            && !matches!(self.action, A::Freeze | A::SaveMap | A::Export | A::TrainCopy)
     }
 
     const fn help(self, long: &'static str) -> Self {
@@ -356,8 +366,14 @@ const FILES: &[Binding] = &[
     bind(A::Save, "save", &["s"], |s, _| s.save())
         .about("save a checkpoint", "store write keep networks model weights")
         .short("save"),
-    bind(A::SaveAs, "save-as", &[], |s, _| saving::ask_file(s))
-        .about("save a checkpoint under a name", "store write copy rename"),
+    bind(A::SaveAs, "save-as", &[], |s, _| {
+        s.open(s.saver.ask_file("save the checkpoint as"));
+    })
+    .about("save a checkpoint under a name", "store write copy rename"),
+    bind(A::TrainCopy, "train-copy", &["t"], |s, _| s.ask_for_copy())
+        .within(Mode::Elsewhere)
+        .about("train a copy of the run that another program trains", "fork continue resume own")
+        .short("train a copy"),
     watch(A::Load, "load", &["shift-l"], |s, _| disk::pick_checkpoint(s))
         .about("load a checkpoint", "open restore read resume run model weights"),
     watch(A::Export, "export", &["shift-e"], |s, _| {

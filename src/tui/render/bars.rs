@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
 use super::ScreenPainter;
-use crate::tui::action::{Action, Mode, bindings};
+use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::choices::Tool;
 use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine};
@@ -200,9 +200,13 @@ pub fn keys(
     lacks_panel: bool,
 ) -> ClickableLine {
     let mut keys: Vec<(Action, &str)> = Vec::new();
-    for binding in
-        bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && scene.offers(b.action))
-    {
+    let own = scene.mode(screen);
+    let is_shown = |b: &&Binding| match own {
+        Mode::Elsewhere => (b.is_active(mode) || b.is_active(own)) && !b.changes_run(),
+        _ => b.is_active(mode),
+    };
+    let shown = bindings().filter(|b| !b.short.is_empty() && scene.offers(b.action));
+    for binding in shown.filter(is_shown) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         keys.push((binding.action, if idle { "resume" } else { binding.short }));
     }

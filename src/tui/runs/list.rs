@@ -222,14 +222,16 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
         };
         Err(format!("{} cannot be resumed: {why}", name(&run.source)))
     };
+    // One alone is watched.
+    let watches = (beside.is_none() && is_growing(run)).then(|| run.source.clone());
     let is_growing = is_growing(run) || beside.is_some_and(|run| is_growing(run));
-    let warning = is_growing.then(|| {
+    let warning = (is_growing && watches.is_none()).then(|| {
         "another program still trains this: what is shown is a copy, as last saved; of the two, \
          the one that saves second does so to another name"
             .to_owned()
     });
     let beside = beside.map(|run| checkpoint(run)).transpose()?;
-    Ok(Wish { file: checkpoint(run)?, beside, warning })
+    Ok(Wish { file: checkpoint(run)?, beside, warning, watches })
 }
 
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {

@@ -12,6 +12,7 @@ use super::{Cx, Session, change_run, watching};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::lists;
+use gdg::engine::EngineCommand;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for};
 use gdg::train::{Run, is_checkpoint, with_setting};
@@ -152,7 +153,11 @@ impl Session {
                 }
                 let path = checkpoint_file(typed);
                 check_name(&path).map_err(|e| format!("the file cannot be written: {e}"))?;
-                saver.save_under(path, cx);
+                let is_copy = self.leave_to_other(&path)?;
+                self.saver.save_under(path, &mut self.cx);
+                if is_copy {
+                    self.screen.command(EngineCommand::Resume);
+                }
             }
             Question::SaveMap => disk::save_map(cx, typed)?,
         }

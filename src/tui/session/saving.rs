@@ -111,8 +111,9 @@ impl Saver {
         }
     }
 
-    fn ask_file(&self, title: &str, hint: String) -> Prompt {
+    pub fn ask_file(&self, title: &str) -> Prompt {
         let stem = self.to.path().file_stem().map(|s| s.to_string_lossy().into_owned());
+        let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
         Prompt::new(Question::SaveAs, title, hint, stem.unwrap_or_default())
     }
 
@@ -200,7 +201,7 @@ impl Saver {
             self.then.take_if(|then| *then != QUIT);
             if self.then.is_some() {
                 let title = "not saved: save elsewhere and quit (Esc cancels)";
-                let mut prompt = self.ask_file(title, String::new());
+                let mut prompt = self.ask_file(title);
                 prompt.error = Some(now.save_failed.1.clone());
                 cx.screen.open(prompt);
             }
@@ -258,12 +259,6 @@ impl Saver {
     }
 }
 
-pub fn ask_file(session: &mut Session) {
-    let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
-    let prompt = session.saver.ask_file("save the checkpoint as", hint);
-    session.open(prompt);
-}
-
 pub fn notes(cx: &Cx) -> Notes {
     Notes { log: cx.screen.log.entries().to_vec(), goal: cx.scene.goal() }
 }
@@ -291,6 +286,11 @@ impl Session {
     /// Ends training, and saves if that is requested and not yet done. The summary says how much is
     /// not saved if the run `is_kept` at all.
     pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
+        if self.elsewhere.is_some() {
+            drop(self);
+            engine.stop();
+            return ClosedRun::default();
+        }
         // A second or two; otherwise its temporary file would stay behind.
         self.writing.take().map(Running::finish);
         // Decided before: what closing itself reports changes nothing.
