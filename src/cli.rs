@@ -29,9 +29,7 @@ Examples:
   gdg-tui tour                               a guided minute and a half
   gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
-  gdg-tui --no-ui my.map --scen my.scen --max-seconds 120 --save a.safetensors
   gdg-tui --resume                           resume the run that was saved last
-  gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui runs                               all runs: resume, compare
   gdg-tui watch                              the run that another program trains
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
@@ -40,6 +38,8 @@ Examples:
   gdg-tui suite maps/ --seeds 3              every map of a folder: a report
   gdg-tui plot saves/suite --out fig.pdf     their curves, for a paper's column
   gdg-tui reproduce all                      the paper's figures
+
+More commands, each with --help: settings, export-data, export-policy, completions, man.
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not \
 reached; 128 + its number after a signal, as 130 after Ctrl-C (the run is saved to --save FILE, \
@@ -86,6 +86,7 @@ pub enum Command {
     /// Watch a run that another program trains, here or on a machine that shares the folder
     Watch(WatchArgs),
     /// Print the reference of all settings in Markdown
+    #[command(hide = true)]
     Settings,
     /// Take a guided tour of the four rooms: a minute and a half
     Tour(TourArgs),
@@ -99,17 +100,21 @@ pub enum Command {
     /// Reproduce the paper's figures: data, drawings and a report that compares
     Reproduce(figures::FigureOptions),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
+    #[command(hide = true)]
     ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
     /// module gdg_tui, gdg_tui.load_policy(FILE)
+    #[command(hide = true)]
     ExportPolicy(ExportPolicyArgs),
     /// Print shell completions
+    #[command(hide = true)]
     Completions {
         /// The shell
         #[arg(value_enum)]
         shell: Shell,
     },
     /// Print the manual page
+    #[command(hide = true)]
     Man,
     /// Validate a map or scenario file and print its facts
     Check {
@@ -172,7 +177,7 @@ pub fn completions(shell: Shell) -> String {
 /// Returns the command line for completion. Maps and worlds become commands with the options of
 /// training, as scripts accept either a command or a value as the first word, not both.
 fn completed() -> clap::Command {
-    let cli = Cli::command();
+    let cli = Cli::command().mut_subcommands(|each| each.hide(false));
     let options: Vec<Arg> =
         cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
     let registry = Registry::builtin();

@@ -157,7 +157,6 @@ pub fn run(
 }
 
 impl PreparedInterface {
-    /// Shows a run, after `begin`.
     fn show(
         &mut self,
         trainer: Trainer,
@@ -176,7 +175,6 @@ impl PreparedInterface {
     }
 }
 
-/// Prepares the run of the guided tour.
 pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = session::tour_run();
     let maze = setup::open_maze(Path::new(session::TOUR_MAP), &Reading::default(), &run, registry)?;

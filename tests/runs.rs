@@ -44,12 +44,12 @@ fn runs_of_every_kind_are_lines_of_json() {
     command.args(["runs", ".", "--json"]);
     let done = ran(command);
     assert_eq!(done.status, Some(0), "{}", done.err);
-    has_parts(&done.err, &["./damaged.jsonl:1: not a record", ": left out"]);
+    has_parts(&done.err, &["damaged.jsonl:1: not a record", ": left out"]);
     let lines: Vec<Value> =
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let found = |file: &str| lines.iter().find(|run| run["file"] == file).unwrap();
     assert_eq!(lines.len(), 3, "{}", done.out);
-    let stopped = found("./stopped.jsonl");
+    let stopped = found("stopped.jsonl");
     let wanted = json!({
         "kind": "records", "state": "stopped", "map": "room", "method": "her", "seed": 1,
         "settings": {"preset": "tuned", "hidden": 64}, "updates": 1500, "evaluated_at": 1000,
@@ -59,10 +59,10 @@ fn runs_of_every_kind_are_lines_of_json() {
     for (name, value) in wanted.as_object().unwrap() {
         assert_eq!(stopped[name], *value, "{name} of {stopped}");
     }
-    let grows = found("./grows.jsonl");
+    let grows = found("grows.jsonl");
     assert_eq!([&grows["state"], &grows["updates"]], [&json!("running"), &json!(2000)]);
-    let own = found("./own.safetensors");
-    assert_eq!(own["checkpoint"], "./own.safetensors");
+    let own = found("own.safetensors");
+    assert_eq!(own["checkpoint"], "own.safetensors");
     assert_eq!(
         [&own["map"], &own["updates"], &own["kind"]],
         [&json!("trap"), &json!(20), &json!("checkpoint")]

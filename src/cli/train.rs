@@ -136,7 +136,6 @@ pub struct TrainArgs {
 }
 
 impl TrainArgs {
-    /// Returns the map or world to train on.
     pub fn map(&self) -> &Path {
         self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
     }
@@ -147,7 +146,6 @@ impl TrainArgs {
         self.reading.only_for_maps(resumed.unwrap_or(self.map()))
     }
 
-    /// Returns the options of a run without the interface.
     pub fn headless(&self) -> HeadlessOptions {
         HeadlessOptions {
             eval_every_updates: self.eval_every_updates,
@@ -184,7 +182,6 @@ pub struct GymArgs {
 }
 
 impl GymArgs {
-    /// Returns the options that were given.
     pub fn given(&self) -> Vec<&'static str> {
         given([
             (self.python.is_some(), "--python"),

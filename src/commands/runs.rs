@@ -12,7 +12,7 @@ use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print, 
 use crate::cli::{Cli, RunsArgs, ScreenArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
-use crate::setup::saves::{SAVES, is_named_like_one};
+use crate::setup::saves::is_named_like_one;
 use crate::tui::{
     self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
@@ -25,7 +25,7 @@ use gdg::train::Registry;
 
 /// Shows the runs of folders: on a terminal as a screen, otherwise as a table or as JSON.
 pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    for folder in args.folders.iter().filter(|folder| !is_missing_default(folder)) {
+    for folder in &args.folders {
         let unreadable = |error| {
             let help = "give folders of checkpoints, of records, or of gdg-tui suite";
             miette!(help = help, "{}: cannot be read: {error}", folder.display())
@@ -43,15 +43,7 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     if !runs.is_empty() {
         return print_safely(&table(runs));
     }
-    if args.folders.iter().all(|folder| is_missing_default(folder)) {
-        return print("no saved runs yet: train with --save FILE, or press s in the interface\n");
-    }
-    print("no runs here\n")
-}
-
-/// Whether a folder is the usual one, which the first run that is saved creates.
-fn is_missing_default(folder: &Path) -> bool {
-    folder.as_os_str() == SAVES && !folder.exists()
+    print("no saved runs yet: train with --save FILE, or press s in the interface\n")
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
@@ -87,36 +79,33 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     }
 }
 
-/// Shows a run that another program trains, following its files.
 pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let open = opener(&args.screen, registry)?;
-    let find = || open(to_watch(args.file.as_deref())?, &Waiting::on("opening the run"));
+    let find = || open(to_watch(&args.file)?, &Waiting::on("opening the run"));
     let refusal = ["a run", "gdg-tui runs lists runs without one"];
     on_screen(&args.screen, refusal, find, shown)
 }
 
-/// Returns the wish to watch the run that a file is of, its checkpoint or its records; without one,
-/// the run here that was written last, preferably one that goes on.
-fn to_watch(given: Option<&Path>) -> Result<Wish, Report> {
-    let given = given.map(whole);
-    let file = given.as_ref().filter(|given| !given.is_dir());
-    let beside = file.and_then(|file| file.parent()).map(Path::to_owned);
-    let usual = || given.clone().unwrap_or_else(|| SAVES.into());
-    let places: Vec<PathBuf> = beside.map_or_else(|| vec![usual()], |folder| vec![usual(), folder]);
+/// Returns the wish to watch the run that a file is of, its checkpoint or its records; of a folder,
+/// the one that was written last, preferably one that goes on.
+fn to_watch(given: &Path) -> Result<Wish, Report> {
+    let file = Some(whole(given)).filter(|_| !given.is_dir());
+    let beside = file.as_deref().and_then(Path::parent);
     let is_meant = |run: &&Arc<SavedRun>| {
         let mut own = [&run.source].into_iter().chain(&run.others).chain(&run.checkpoint);
-        file.is_none_or(|file| own.any(|own| whole(own) == *file))
+        file.as_ref().is_none_or(|file| own.any(|own| whole(own) == *file))
     };
+    let runs =
+        read(&[Some(given), beside].into_iter().flatten().map(Path::to_owned).collect::<Vec<_>>());
     let last = |(run, _): &(&Arc<SavedRun>, _)| (run.state() == RunState::Running, run.written);
-    let runs = read(&places);
     let kept = runs.iter().filter(is_meant).filter_map(|run| Some((run, run.kept()?)));
     let found = kept.max_by_key(last).map(|(run, kept)| (kept, run.source.clone()));
-    let named = || file.filter(|file| is_named_like_one(file)).cloned();
-    let (file, records) = found.or_else(|| Some((named()?, named()?))).ok_or_else(|| {
-        let place = given.as_ref().map_or("here".into(), |given| given.to_string_lossy());
-        let help = "a run is seen as its checkpoint has it: train with --save FILE";
-        miette!(help = help, "{place}: no run with a checkpoint yet")
-    })?;
+    let own = || (given.to_owned(), given.to_owned());
+    let (file, records) =
+        found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
+            let help = "a run is seen as its checkpoint has it: train with --save FILE";
+            miette!(help = help, "{}: no run with a checkpoint yet", given.display())
+        })?;
     Ok(Wish { file, beside: None, warning: None, watches: Some(records) })
 }
 

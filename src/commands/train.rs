@@ -95,13 +95,11 @@ pub fn on_screen<T>(
     Ok(show(prepared, &mut interface).map_err(failure)?.0)
 }
 
-/// Shows the guided tour.
 pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let refusal = ["a tour", "gdg-tui --no-ui trains without one"];
     on_screen(&args.screen, refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
 }
 
-/// Shows two methods side by side.
 pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let instead = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
     let prepare = || {

@@ -201,7 +201,6 @@ impl SavedRun {
         value(&self.evaluations.last()?.evaluation)
     }
 
-    /// Returns it as an object of JSON.
     pub fn json(&self) -> Value {
         let setting = |text: &String| {
             let (name, value) = text.split_once('=')?;
@@ -288,7 +287,6 @@ fn greedy(run: &SavedRun) -> Option<f64> {
     run.of_last(|last| last.greedy.success)
 }
 
-/// A file's name, safe to show.
 pub fn name(file: &Path) -> String {
     sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
 }

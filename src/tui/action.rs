@@ -14,7 +14,6 @@ pub enum Action {
     StepEpisode,
     Slower,
     Faster,
-    Freeze,
     Evaluate,
     NewSeed,
     Settings,
@@ -162,7 +161,6 @@ pub fn binding_of(action: Action) -> Option<&'static Binding> {
 }
 
 impl Binding {
-    /// Returns whether its keys are active in `mode`.
     pub fn is_active(&self, mode: Mode) -> bool {
         match (mode, self.when) {
             (Mode::Watching | Mode::Editing, None) | (Mode::EditingBoth, Some(Mode::Comparing)) => {

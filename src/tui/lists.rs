@@ -28,7 +28,6 @@ use gdg::train::{
 };
 use gdg::viewer::Field;
 
-/// Columns and rows of the empty map.
 pub const EMPTY_MAP: (usize, usize) = (40, 30);
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
@@ -47,7 +46,6 @@ pub fn help(screen: &Screen, scene: &Scene) -> Picker {
     help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
 
-/// The help of a comparison.
 pub fn help_of_comparison(
     screen: &Screen,
     scene: &Scene,
@@ -88,7 +86,6 @@ fn help_in(
     Picker::new("help", actions.chain(more).chain(numbers).chain(folder).collect()).explaining(text)
 }
 
-/// The help of lists of runs.
 pub fn help_of_lists(keymap: &Keymap) -> Picker {
     let listed = |when| {
         let is_listed = move |b: &&Binding| b.is_active(Mode::Listing) && b.when == when;

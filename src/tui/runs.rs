@@ -52,10 +52,8 @@ use list_view::ClickAreas;
 const PAUSE: Duration = Duration::from_secs(2);
 const PAUSE_FACTOR: u32 = 10;
 
-/// How often what has been read so far is shown.
 const SHOW_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Rows that the wheel moves the selection by.
 const WHEEL: isize = 3;
 
 /// What the user wishes to see instead of the list: a run, resumed or watched, or two side by side.
@@ -217,7 +215,6 @@ fn read(reader: &mut RunReader, publish: &watch::Sender<Arc<FoundRuns>>) {
 }
 
 impl RunsScreen {
-    /// Shows the problem, if there is one.
     fn tell<T>(&mut self, done: Result<T, String>) -> Option<T> {
         done.map_err(|problem| self.log.show(&problem, true)).ok()
     }

@@ -89,8 +89,6 @@ pub struct Session {
     pub terminal_request: Option<TerminalRequest>,
     /// What the next frame can reuse.
     pub cache: Cache,
-    /// Whether the screen was frozen when that was last looked at.
-    was_frozen: bool,
 }
 
 impl Deref for Session {
@@ -135,7 +133,6 @@ impl Session {
             elsewhere: None,
             terminal_request: None,
             cache: Cache::with_pictures(),
-            was_frozen: false,
         };
         session.start_run();
         session
@@ -156,22 +153,10 @@ impl Session {
         cx.screen.request(Request::Field(cx.screen.field));
         cx.screen.request(Request::OnArrival(cx.screen.on_arrival));
         cx.scene.start(&mut cx.screen);
-        self.thaw();
     }
 
     pub fn begin_tour(&mut self) {
-        self.screen.frozen = false;
-        self.thaw();
         self.guide.begin(&mut self.cx);
-    }
-
-    /// Shows the present state once the screen is frozen no more.
-    pub fn thaw(&mut self) {
-        if std::mem::replace(&mut self.was_frozen, self.cx.screen.frozen) && !self.screen.frozen {
-            let (snapshot, view) = (self.snapshots.borrow().clone(), self.views.borrow().clone());
-            self.on_snapshot(snapshot);
-            self.on_view(view);
-        }
     }
 
     pub fn mode(&self) -> Mode {
@@ -246,7 +231,6 @@ impl Session {
             // Both threads have ended.
             else => std::future::pending().await,
         }
-        self.thaw();
     }
 
     /// Handles the passing of time; returns whether the screen changes.
@@ -276,15 +260,31 @@ impl Session {
 
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
         let snapshot = match &self.elsewhere {
-            Some(run) => Arc::new(run.with_records(&snapshot, &self.screen.latest)),
+            Some(run) => Arc::new(run.with_records(&snapshot, &self.screen.snapshot)),
             None => snapshot,
         };
-        let before = std::mem::replace(&mut self.screen.latest, snapshot);
-        self.show_snapshot(&before);
+        let before = std::mem::replace(&mut self.screen.snapshot, snapshot);
+        let screen = &mut self.cx.screen;
+        if screen.snapshot.generation != before.generation {
+            self.start_run();
+        } else if screen.snapshot.evaluations.len() > before.evaluations.len() {
+            log_evaluation(screen);
+        }
+        if self.screen.run() != &*before.run {
+            self.screen.update_changed_settings();
+            let items = lists::setting_items(&self.screen);
+            for dialog in &mut self.screen.dialogs {
+                if let Dialog::Pick(list) = dialog
+                    && list.are_settings
+                {
+                    list.update(items.clone());
+                }
+            }
+        }
         let then = self.saver.on_snapshot(&before, &mut self.cx);
         then.into_iter().for_each(|then| self.choose(then));
         let Self { cx, saver, .. } = self;
-        let latest = cx.screen.latest.clone();
+        let latest = cx.screen.snapshot.clone();
         cx.screen.pausing &= latest.phase.is_training();
         let notice = &latest.notice;
         if notice.number > before.notice.number {
@@ -309,33 +309,6 @@ impl Session {
         }
     }
 
-    /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user
-    /// has decided. A new run is shown in any case.
-    fn show_snapshot(&mut self, before: &Snapshot) {
-        let screen = &mut self.cx.screen;
-        let is_new_run = screen.latest.generation != before.generation;
-        if screen.frozen && !is_new_run {
-            Arc::make_mut(&mut screen.snapshot).follow_decisions(&screen.latest);
-        } else {
-            let shown = std::mem::replace(&mut screen.snapshot, screen.latest.clone());
-            if is_new_run {
-                self.start_run();
-            } else if screen.latest.evaluations.len() > shown.evaluations.len() {
-                log_evaluation(screen);
-            }
-        }
-        if self.screen.latest.run != before.run {
-            self.screen.update_changed_settings();
-            let items = lists::setting_items(&self.screen);
-            let lists = self.screen.dialogs.iter_mut().filter_map(|dialog| match dialog {
-                Dialog::Pick(picker) if picker.are_settings => Some(picker),
-                _ => None,
-            });
-            lists.for_each(|list| list.update(items.clone()));
-        }
-    }
-
-    /// Handles the latest snapshot if it has not been handled yet.
     pub fn catch_up(&mut self) {
         if self.snapshots.has_changed().unwrap_or(true) {
             self.show_latest();
@@ -349,10 +322,7 @@ impl Session {
 
     pub fn on_view(&mut self, view: Arc<View>) {
         let Cx { screen, scene, .. } = &mut self.cx;
-        // The past can be looked at on a frozen screen.
-        if !screen.frozen || screen.past.is_some() {
-            scene.show(view, screen);
-        }
+        scene.show(view, screen);
     }
 
     pub fn draw(&mut self, frame: &mut Frame) {

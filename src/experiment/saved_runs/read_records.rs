@@ -22,7 +22,6 @@ const MOST_OF_A_LINE: u64 = 16 << 20;
 const RECORDS: Wanted =
     Wanted { name: "records of a run", help: HELP, own: &[FileFormat::Json, FileFormat::Text] };
 
-/// Some editors begin files with it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 #[derive(Deserialize)]
@@ -301,7 +300,6 @@ impl SavedRun {
         other.evaluations.iter().any(|at| own.contains(&moment(at)))
     }
 
-    /// Whether its map was edited while it trained.
     pub fn is_edited(&self) -> bool {
         !self.edits.is_empty()
     }

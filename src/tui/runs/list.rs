@@ -49,7 +49,6 @@ fn is_growing(run: &SavedRun) -> bool {
     !run.is_damaged() && run.state() == RunState::Running
 }
 
-/// Returns what a run is found by, in small letters.
 fn words(run: &SavedRun) -> Vec<String> {
     let files = [&run.source].into_iter().chain(&run.others);
     let files = files.map(|path| path.to_string_lossy().into_owned());

@@ -177,9 +177,9 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     press(&mut screen, KeyCode::Enter);
     let wish = screen.wish.take().expect("to watch it");
     assert_eq!((wish.watches, wish.warning), (Some(path("a")), None));
-    type_text(&mut screen, " ");
-    screen.list.update(&found(&[own("b", "own")]).into_iter().chain([grows]).collect::<Vec<_>>());
-    type_text(&mut screen, "c");
+    screen
+        .list(&FoundRuns { runs: [found(&[own("b", "own")]), vec![grows]].concat(), read: [1, 1] });
+    type_text(&mut screen, " jc");
     let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
 }

@@ -70,7 +70,6 @@ impl Session {
         None
     }
 
-    /// Carries out the answer to a question, or says what is wrong with it.
     fn accept(&mut self, mut prompt: Prompt) {
         let typed = prompt.typed().0.trim().to_owned();
         let done = warning(&prompt.question, &typed, &self.cx).and_then(|warning| match warning {
@@ -91,7 +90,7 @@ impl Session {
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => change_run::ask_setting(name, cx),
             Choice::Method(method) => {
-                let registry = cx.screen.latest.registry.clone();
+                let registry = cx.screen.snapshot.registry.clone();
                 change_run::change(|run| run.set_method(method, &registry), saver, cx);
             }
             Choice::Preset(preset) => {
@@ -135,7 +134,6 @@ impl Session {
             Choice::Quit { save: false } => saver.is_done = true,
             Choice::Nothing => {}
         }
-        self.thaw();
     }
 
     /// Carries out the answer to a question, or returns what is wrong with it.

@@ -125,7 +125,6 @@ impl TrainedElsewhere {
 }
 
 impl Session {
-    /// Shows the run of another program from now on.
     pub fn watch(&mut self, files: TrainedElsewhere) {
         (self.elsewhere, self.saver.offers) = (Some(files), false);
         self.follow_files();
@@ -141,7 +140,7 @@ impl Session {
         if now.is_some() && now != run.shown && self.cx.screen.engine.send(load()) {
             run.shown = now;
         }
-        let state = Some(run.state(&self.cx.screen.latest));
+        let state = Some(run.state(&self.cx.screen.snapshot));
         let is_newer = state != self.cx.screen.elsewhere;
         self.screen.elsewhere = state;
         if is_new {
@@ -150,7 +149,6 @@ impl Session {
         is_new || is_newer
     }
 
-    /// Asks where to save a copy of the run, which this program trains on.
     pub fn ask_for_copy(&mut self) {
         self.saver.leave_file();
         self.open(self.saver.ask_file("train a copy, saved as"));

@@ -153,7 +153,6 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     lines
 }
 
-/// Describes how long ago the latest evaluation was, at update `at`.
 fn age(screen: &Screen, at: u64) -> String {
     match screen.snapshot.updates().saturating_sub(at) {
         0 => "just now".to_owned(),
