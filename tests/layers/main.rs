@@ -28,7 +28,7 @@ const LIBRARY: [Room; 15] = [
     ("learn", 8_651),
     ("bridge", 3_910),
     ("train", 6_853),
-    ("engine", 1_210),
+    ("engine", 1_209),
     ("draw", 820),
     ("viewer", 1_690),
 ];
@@ -39,7 +39,7 @@ const PROGRAM: [Room; 8] = [
     ("setup", 840),
     ("figure", 860),
     ("headless", 961),
-    ("experiment", 5_531),
+    ("experiment", 5_532),
     ("tui", 19_431),
     ("cli", 643),
     ("commands", 1_020),

@@ -179,7 +179,7 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     assert_eq!((wish.watches, wish.warning), (Some(path("a")), None));
     screen
         .list(&FoundRuns { runs: [found(&[own("b", "own")]), vec![grows]].concat(), read: [1, 1] });
-    type_text(&mut screen, " jc");
+    type_text(&mut screen, "jc");
     let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
 }
