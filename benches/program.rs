@@ -19,7 +19,7 @@ use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, TrainingPha
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
 use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
-use gdg_tui::host::setup::parallel_jobs;
+use gdg_tui::setup::parallel_jobs;
 use gdg_tui::tui::MeasuredInterface;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;

@@ -11,8 +11,8 @@ use clap::{Arg, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::experiment::{figures, plot, suite};
-use crate::host::find_maps::MapArgs;
-use crate::host::values::output;
+use crate::setup::find_maps::MapArgs;
+use crate::setup::values::output;
 use gdg::map::BUILTIN;
 use gdg::train::Registry;
 

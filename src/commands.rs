@@ -16,7 +16,7 @@ use miette::{Report, miette};
 
 use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
-use crate::host::{EXIT_BAD_INPUT, EXIT_FAILURE, logging};
+use crate::process::{EXIT_BAD_INPUT, EXIT_FAILURE, logging};
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;

@@ -13,12 +13,12 @@ use std::time::Duration;
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
-use crate::host::errors::{from_checkpoint_error, print_error};
-use crate::host::outputs::save_elsewhere;
-use crate::host::saves::resume_command;
-use crate::host::setup::Setup;
-use crate::host::signals::TerminationSignal;
-use crate::host::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, logging};
+use crate::process::errors::{from_checkpoint_error, print_error};
+use crate::process::signals::TerminationSignal;
+use crate::process::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, logging};
+use crate::setup::Setup;
+use crate::setup::outputs::save_elsewhere;
+use crate::setup::saves::resume_command;
 use gdg::env::{EnvError, Recorded};
 use gdg::job::{Job, Running};
 use gdg::printing;

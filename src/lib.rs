@@ -4,7 +4,8 @@
 //!
 //! # The layout
 //!
-//! * [`host`]: what the program needs of the machine: terminal, signals, files, saved runs.
+//! * [`process`]: errors for people, the log file, signals, progress of what takes long.
+//! * [`setup`]: a run from options: its map, values, trainer, and the files it is saved to.
 //! * `figure`: curves and maps at the size of print, as SVG, PNG and PDF.
 //! * [`headless`] (one run), [`tui`] (one run, or two side by side) and `experiment` (many runs in
 //!   parallel, whose results are kept: benchmark suites, the paper's figures) are the front ends.
@@ -20,5 +21,6 @@ pub mod commands;
 pub(crate) mod experiment;
 pub(crate) mod figure;
 pub mod headless;
-pub mod host;
+pub mod process;
+pub mod setup;
 pub mod tui;

@@ -9,8 +9,8 @@ use gdg::train::Registry;
 use gdg::{faults, printing};
 use gdg_tui::cli::Cli;
 use gdg_tui::commands;
-use gdg_tui::host::EXIT_FAILURE;
-use gdg_tui::host::{errors, signals};
+use gdg_tui::process::EXIT_FAILURE;
+use gdg_tui::process::{errors, signals};
 use miette::Report;
 
 fn main() -> ExitCode {

@@ -57,8 +57,8 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::host::setup::{self, Setup};
-use crate::host::signals::TerminationSignal;
+use crate::process::signals::TerminationSignal;
+use crate::setup::{self, Setup};
 use app::App;
 pub use benchmark::MeasuredInterface;
 pub use choices::Marker;

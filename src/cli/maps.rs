@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
 
-use crate::host::find_maps::MapArgs;
-use crate::host::values::{counts, output};
+use crate::setup::find_maps::MapArgs;
+use crate::setup::values::{counts, output};
 use gdg::map::{FORMATS, MapFormat, RANDOM_SIZES, RandomMapKind};
 
 #[derive(Debug, Args)]

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use log::LevelFilter;
 
-use crate::host::find_maps::MapArgs;
-use crate::host::saves::SAVES;
-use crate::host::values::{log_levels, parse_threads};
+use crate::setup::find_maps::MapArgs;
+use crate::setup::saves::SAVES;
+use crate::setup::values::{log_levels, parse_threads};
 use crate::tui::{ComparisonOptions, InterfaceOptions};
 use gdg::learn::Threads;
 

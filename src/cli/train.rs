@@ -7,9 +7,9 @@ use clap::Args;
 use log::LevelFilter;
 
 use crate::headless::HeadlessOptions;
-use crate::host::find_maps::{MapArgs, given};
-use crate::host::setup::RunChoice;
-use crate::host::values::{
+use crate::setup::RunChoice;
+use crate::setup::find_maps::{MapArgs, given};
+use crate::setup::values::{
     EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
 };
 use crate::tui::InterfaceOptions;

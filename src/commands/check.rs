@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use miette::{Report, miette};
 
 use super::{CommandOutcome, bad_input, print_safely};
-use crate::host::EXIT_NOT_REACHED;
-use crate::host::errors::from_map_error;
-use crate::host::find_maps::{doubts, find_map, unconnected_parts};
-use crate::host::waiting::Waiting;
+use crate::process::EXIT_NOT_REACHED;
+use crate::process::errors::from_map_error;
+use crate::process::waiting::Waiting;
+use crate::setup::find_maps::{doubts, find_map, unconnected_parts};
 use gdg::files::has_extension;
 use gdg::job::Job;
 use gdg::map::{self, Cell, Components, Diameter, Grid, MapError, MapScale, Reading, Scenario};

@@ -8,9 +8,9 @@ use miette::{IntoDiagnostic, Report};
 
 use super::write_file;
 use crate::cli::{ExportArgs, ExportPolicyArgs};
-use crate::host::errors::from_checkpoint_error;
-use crate::host::outputs::refuse_existing;
-use crate::host::waiting::Waiting;
+use crate::process::errors::from_checkpoint_error;
+use crate::process::waiting::Waiting;
+use crate::setup::outputs::refuse_existing;
 use gdg::files;
 use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};
 

@@ -7,12 +7,12 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::TrainArgs;
 use crate::experiment::suite;
-use crate::host::errors::{from_checkpoint_error, from_data_error, from_map_error};
-use crate::host::find_maps::{self, THRESHOLD, find_map, known_name};
-use crate::host::outputs::{refuse_existing, refuse_input, save_to};
-use crate::host::saves::{self, SAVES};
-use crate::host::setup::{self, Edit, Setup, settings};
-use crate::host::values::EditAt;
+use crate::process::errors::{from_checkpoint_error, from_data_error, from_map_error};
+use crate::setup::find_maps::{self, THRESHOLD, find_map, known_name};
+use crate::setup::outputs::{refuse_existing, refuse_input, save_to};
+use crate::setup::saves::{self, SAVES};
+use crate::setup::values::EditAt;
+use crate::setup::{self, Edit, Setup, settings};
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;

@@ -10,8 +10,8 @@ use super::train::{obstacle, registry_for};
 use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print, print_safely};
 use crate::cli::{Cli, RunsArgs, TrainArgs};
 use crate::experiment::saved_runs::{RunReader, SavedRun, table};
-use crate::host::saves::SAVES;
-use crate::host::waiting::Waiting;
+use crate::process::waiting::Waiting;
+use crate::setup::saves::SAVES;
 use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
 use gdg::learn::Threads;
 use gdg::map::Reading;
@@ -65,7 +65,7 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
 
 /// Shows the list, and what is opened in it, in turns.
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    crate::host::logging::start(args.screen.log_level);
+    crate::process::logging::start(args.screen.log_level);
     let opener = opener(args, registry)?;
     let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
     let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;

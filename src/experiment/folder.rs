@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::spec::{JobResult, JobSpec};
-use crate::host::outputs::elsewhere;
+use crate::setup::outputs::elsewhere;
 use gdg::files::{self, FileFormat, LockFile, Mismatch, Wanted, has_extension, is_hidden};
 use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};

@@ -16,14 +16,14 @@ use super::measure::{self, measure};
 use super::plan::Length;
 use super::spec::JobSpec;
 use crate::headless::{CheckpointSaver, evaluate, save_interval};
-use crate::host::EXIT_FAILURE;
-use crate::host::errors::print_error;
-use crate::host::outputs::{elsewhere, save_elsewhere};
-use crate::host::saves::SAVES;
-use crate::host::setup::{begin, learn_from, parallel_jobs};
-use crate::host::signals::TerminationSignal;
-use crate::host::values::{counts, output};
-use crate::host::waiting::duration;
+use crate::process::EXIT_FAILURE;
+use crate::process::errors::print_error;
+use crate::process::signals::TerminationSignal;
+use crate::process::waiting::duration;
+use crate::setup::outputs::{elsewhere, save_elsewhere};
+use crate::setup::saves::SAVES;
+use crate::setup::values::{counts, output};
+use crate::setup::{begin, learn_from, parallel_jobs};
 use gdg::files::check_writable;
 use gdg::job::Stopwatch;
 use gdg::printing::{eprint_line, print_text};
@@ -305,7 +305,7 @@ impl Runner<'_> {
             None => Ok(End::Elsewhere),
         };
         let panicked = |_| {
-            let help = crate::host::logging::hint();
+            let help = crate::process::logging::hint();
             Err(miette!(help = help, "an internal error"))
         };
         catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(panicked).unwrap_or_else(|error| {

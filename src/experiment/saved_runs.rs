@@ -18,8 +18,8 @@ use serde_json::{Map, Value, json};
 
 use super::folder::read_result;
 use super::spec::{EvaluationAt, JobResult, eval_tasks, evaluations, setting_text};
-use crate::host::errors::from_checkpoint_error;
-use crate::host::saves::{ago, files_in, rate};
+use crate::process::errors::from_checkpoint_error;
+use crate::setup::saves::{ago, files_in, rate};
 use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};

@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::measure::Measured;
 use super::plan::{JobData, JobPlan, Length};
-use crate::host::find_maps::find_map;
+use crate::setup::find_maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
 use gdg::text::safe_file_name;

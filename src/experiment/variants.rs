@@ -5,7 +5,7 @@ use miette::{Report, miette};
 use serde_json::Value;
 
 use super::spec::setting_text;
-use crate::host::setup::{RunChoice, SettingsBase, settings_of, split_prefix};
+use crate::setup::{RunChoice, SettingsBase, settings_of, split_prefix};
 use gdg::settings::SettingAblation;
 use gdg::train::{METHODS, Method, Preset, SETTINGS, Settings, list_settings, with_setting};
 

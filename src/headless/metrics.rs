@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::{PROGRESS_EVERY_UPDATES, updates_per_second};
-use crate::host::outputs::{create, refuse_existing};
-use crate::host::setup::Setup;
+use crate::setup::Setup;
+use crate::setup::outputs::{create, refuse_existing};
 use gdg::files;
 use gdg::learn::Losses;
 use gdg::printing::eprint_line;

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressBar;
 
 use super::updates_per_second;
-use crate::host::waiting::{duration, progress_bar};
+use crate::process::waiting::{duration, progress_bar};
 use gdg::job::Stopwatch;
 use gdg::train::{Limits, Trainer};
 

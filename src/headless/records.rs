@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::updates_per_second;
-use crate::host::setup::{Edit, Setup};
+use crate::setup::{Edit, Setup};
 use gdg::learn::{Losses, Threads};
 use gdg::train::{
     BridgeFacts, DataSource, DistanceError, EndReason, Evaluation, MarkedTask, Moment, Recovery,

@@ -13,7 +13,7 @@ use serde::Deserialize;
 use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::theme::ThemeName;
-use crate::host::errors::ExplainedError;
+use crate::process::errors::ExplainedError;
 use crate::tui::choices::Marker;
 use gdg::files::{self, FileFormat, Mismatch, Wanted};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};

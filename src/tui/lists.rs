@@ -7,8 +7,8 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::dialog::{Choice, Item, Picker};
-use crate::host::logging;
-use crate::host::saves::resume_command;
+use crate::process::logging;
+use crate::setup::saves::resume_command;
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;

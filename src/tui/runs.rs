@@ -41,7 +41,7 @@ use super::session::answer::Reply;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
 use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
-use crate::host::setup::Setup;
+use crate::setup::Setup;
 use gdg::job::{Job, Running};
 use list::{List, delete};
 use list_view::ClickAreas;

@@ -31,7 +31,7 @@ use super::graphics::patches::{DELETE_ALL, Patches};
 use super::graphics::{self, Answer, Graphics, Redraw};
 use super::input::{Input, InputStream, is_in_foreground};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
-use crate::host::signals::TerminationSignal;
+use crate::process::signals::TerminationSignal;
 use crate::tui::choices::Marker;
 use gdg::printing;
 use gdg::text::sanitized_lines;
@@ -122,7 +122,7 @@ impl TerminalStage {
         }
         match shown {
             Err(_) => Err(miette::miette!(
-                help = crate::host::logging::hint(),
+                help = crate::process::logging::hint(),
                 "an internal error ended the interface"
             )),
             Ok(shown) => shown.into_diagnostic().map(|()| (u8::from(closed.failed), closed.files)),

@@ -34,8 +34,9 @@ const LIBRARY: [Room; 15] = [
 ];
 
 /// The program's modules: each depends only on those before it, and on the library.
-const PROGRAM: [Room; 7] = [
-    ("host", 1_530),
+const PROGRAM: [Room; 8] = [
+    ("process", 680),
+    ("setup", 850),
     ("figure", 860),
     ("headless", 961),
     ("experiment", 5_488),

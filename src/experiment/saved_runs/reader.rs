@@ -8,7 +8,7 @@ use std::time::SystemTime;
 
 use super::read_records::{join, whole};
 use super::{SavedRun, file, files_of};
-use crate::host::saves::SAVES;
+use crate::setup::saves::SAVES;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FoundRuns {

@@ -10,10 +10,10 @@ use clap::{Arg, Args};
 use miette::{Report, miette};
 
 use super::LETTERS;
-use crate::host::errors::{from_checkpoint_error, from_config_error};
-use crate::host::find_maps;
-use crate::host::setup;
-use crate::host::values::{MethodParser, counts, parse_threads};
+use crate::process::errors::{from_checkpoint_error, from_config_error};
+use crate::setup;
+use crate::setup::find_maps;
+use crate::setup::values::{MethodParser, counts, parse_threads};
 use gdg::env::{PointMaze, maze};
 use gdg::files::has_extension;
 use gdg::job::Job;

@@ -7,8 +7,8 @@ use jiff::tz::TimeZone;
 
 use super::saving::unsaved;
 use super::{Cx, Session};
-use crate::host::find_maps::warnings;
-use crate::host::saves::{self, SAVES};
+use crate::setup::find_maps::warnings;
+use crate::setup::saves::{self, SAVES};
 use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 use miette::Report;
 
 use super::{Cx, Session};
-use crate::host::errors::from_checkpoint_error;
-use crate::host::logging;
-use crate::host::outputs::save_elsewhere;
-use crate::host::saves::{SAVES, resume_command};
-use crate::host::waiting::{TWICE, Waiting};
+use crate::process::errors::from_checkpoint_error;
+use crate::process::logging;
+use crate::process::waiting::{TWICE, Waiting};
+use crate::setup::outputs::save_elsewhere;
+use crate::setup::saves::{SAVES, resume_command};
 use crate::tui::dialog::{Choice, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;

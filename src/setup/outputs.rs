@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use directories::ProjectDirs;
 use miette::{Report, miette};
 
-use crate::host::saves::{SAVES, is_named_like_one};
+use crate::setup::saves::{SAVES, is_named_like_one};
 use gdg::files;
 use gdg::train::{self, SaveTo, Trainer};
 

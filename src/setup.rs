@@ -1,4 +1,10 @@
-//! Sets up runs: method, settings and world from options, and the trainer.
+//! Sets up runs: method, settings, map or world from options, the trainer, and the files that it is
+//! saved to and resumed from.
+
+pub mod find_maps;
+pub mod outputs;
+pub mod saves;
+pub mod values;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,9 +12,9 @@ use std::sync::Arc;
 use clap::Args;
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::host::errors::{from_config_error, from_data_error, from_map_error};
-use crate::host::find_maps::{find_map, known_name};
-use crate::host::values::{MethodParser, methods_help, preset_parser};
+use crate::process::errors::{from_config_error, from_data_error, from_map_error};
+use crate::setup::find_maps::{find_map, known_name};
+use crate::setup::values::{MethodParser, methods_help, preset_parser};
 use gdg::env::{Environment, Goals, PointMaze, Restart};
 use gdg::job::Job;
 use gdg::learn::Threads;

@@ -6,8 +6,8 @@ use std::path::Path;
 use clap::Args;
 use miette::{Report, miette};
 
-use crate::host::errors::from_map_error;
-use crate::host::values::{counts, reals};
+use crate::process::errors::from_map_error;
+use crate::setup::values::{counts, reals};
 use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
 use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};

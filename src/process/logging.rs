@@ -105,7 +105,7 @@ mod tests {
             let file = open(folder.path(), &format!("2026-03-0{day}")).expect("a file");
             let log = LogFile(Mutex::new(file));
             for (target, text) in
-                [("gdg_tui::host", "ours\u{9b}31m\x7f\u{202e}"), ("mio::poll", "theirs")]
+                [("gdg_tui::process", "ours\u{9b}31m\x7f\u{202e}"), ("mio::poll", "theirs")]
             {
                 log.log(&Record::builder().target(target).args(format_args!("{text}")).build());
             }
@@ -115,7 +115,7 @@ mod tests {
         // A file is continued.
         open(folder.path(), "2026-03-07").expect("a file").write_all(b"y").expect("space");
         let written = std::fs::read_to_string(path(7)).expect("a file");
-        assert!(written.ends_with(" INFO gdg_tui::host: ours¿31m?\u{fffd}\ny"), "{written}");
+        assert!(written.ends_with(" INFO gdg_tui::process: ours¿31m?\u{fffd}\ny"), "{written}");
         std::fs::create_dir(path(8)).expect("a folder");
         assert!(open(folder.path(), "2026-03-08").is_none());
     }

@@ -1,13 +1,9 @@
-//! Host services: terminal, signals, files, and runs that are begun, saved and resumed.
+//! What every command needs as a process: errors for people, the log file, signals, progress of what
+//! takes long, and statuses to end with.
 
 pub mod errors;
-pub mod find_maps;
 pub mod logging;
-pub mod outputs;
-pub mod saves;
-pub mod setup;
 pub mod signals;
-pub mod values;
 pub mod waiting;
 
 /// The exit status of a failure while running; of bad usage or input; and when `--require-success`

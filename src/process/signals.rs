@@ -14,7 +14,7 @@ use signal_hook::consts::{
 };
 use signal_hook::iterator::Signals;
 
-use crate::host::waiting::{ONCE_MORE, TWICE, Waiting};
+use crate::process::waiting::{ONCE_MORE, TWICE, Waiting};
 use gdg::job::Job;
 use gdg::printing;
 
