@@ -178,6 +178,21 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.press("q");
     assert_eq!(session.end(), 0);
     assert_eq!(std::fs::read(path("own.safetensors")).unwrap(), checkpoint);
+    // A job of an experiment that goes on.
+    std::fs::create_dir(path("jobs")).unwrap();
+    std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
+    for (held, state) in [(true, "\"running\""), (false, "\"saved\"")] {
+        if held {
+            std::fs::write(path("jobs/job.lock"), "").unwrap()
+        } else {
+            std::fs::remove_file(path("jobs/job.lock")).unwrap()
+        }
+        let mut command = program_in(folder.path());
+        command.args(["runs", "--json"]);
+        let out = ran(command).out;
+        let job = out.lines().find(|line| line.contains("jobs/job")).unwrap();
+        assert!(job.contains(state), "{job}");
+    }
     let mut command = program_in(folder.path());
     command.args(["watch", "none.jsonl"]);
     let done = ran(command);

@@ -30,6 +30,9 @@ pub use reader::{FoundRuns, RunReader};
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
 
+/// Jobs save more often than this.
+const MOST_BETWEEN_SAVES: Duration = Duration::from_mins(15);
+
 const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
                     checkpoint, or the records of gdg-tui --no-ui in a file";
 
@@ -413,6 +416,14 @@ fn unreadable(path: &Path, error: &std::io::Error) -> Report {
     miette!(help = HELP, "{}: cannot be read: {error}", path.display())
 }
 
+/// Whether a checkpoint is of a job that runs: its process holds a file beside it, which one that was
+/// killed leaves behind, and saves every few minutes.
+fn is_job_running(path: &Path) -> bool {
+    let written = path.metadata().and_then(|found| found.modified()).ok();
+    let age = written.and_then(|at| at.elapsed().ok()).unwrap_or_default();
+    path.with_extension("lock").is_file() && age < MOST_BETWEEN_SAVES
+}
+
 fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     let (found, history) = read_history(path).map_err(from_checkpoint_error)?;
     let changed = found.run.changed_settings();
@@ -430,7 +441,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: RunKind::Checkpoint,
-        end: Some(RunState::Saved),
+        end: Some(if is_job_running(path) { RunState::Running } else { RunState::Saved }),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
         edits,
