@@ -183,9 +183,9 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
     for (held, state) in [(true, "\"running\""), (false, "\"saved\"")] {
         if held {
-            std::fs::write(path("jobs/job.lock"), "").unwrap()
+            std::fs::write(path("jobs/job.lock"), "").unwrap();
         } else {
-            std::fs::remove_file(path("jobs/job.lock")).unwrap()
+            std::fs::remove_file(path("jobs/job.lock")).unwrap();
         }
         let mut command = program_in(folder.path());
         command.args(["runs", "--json"]);
