@@ -76,7 +76,7 @@ const WATCH_EXAMPLES: &str = "\
 Examples:
   gdg-tui watch                              the run here that was written last
   gdg-tui watch runs/a.safetensors           as its checkpoint has it
-  gdg-tui watch runs/a.jsonl                 by its records, which name the checkpoint
+  gdg-tui watch runs/a.jsonl                 by its records
 
 Map, D and plan follow its checkpoint (--save-every MINUTES), curves and time left its records. \
 Nothing is written or locked: it works from any machine that shares the folder. t trains a copy.

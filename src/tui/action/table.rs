@@ -427,7 +427,7 @@ const RUNS: &[Binding] = &[
     ),
     on_runs(ListAction::Resume, "resume-run", &["enter"])
         .short("resume")
-        .help("resume the selected run"),
+        .help("resume the selected run, or watch it while another program trains it"),
     on_runs(ListAction::Compare, "compare-runs", &["c"]).short("compare").help(
         "show side by side what two marked runs, or a marked and the selected one, have learned",
     ),

@@ -245,12 +245,12 @@ pub fn fitting(
 pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let line = |tools: &[Tool], keys: &[(Action, &str)]| {
         let mut bar = ClickableLine::default();
-        bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
+        bar.push(Span::styled(" EDIT", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
             key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
         }
-        bar.push(Span::raw(" "), None);
+        bar.push(if width > 90 { " " } else { "" }.into(), None);
         for (action, label) in keys {
             key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
         }
@@ -259,9 +259,10 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let [apply, undo] = [(Action::Apply, "use"), (Action::Undo, "undo")];
     let [save, done] = [(Action::SaveMap, "save map"), (Action::ToggleEdit, "done")];
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
-    let keys = [&[apply, undo, save, done][..], &[apply, undo, done], &[done]];
+    let keys = [&[apply, undo, save, done][..], &[undo, save, done], &[undo, done], &[done]];
     let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
-    let fits = |bar: &ClickableLine| bar.width() <= usize::from(width);
+    // The trailing blank may be cut off.
+    let fits = |bar: &ClickableLine| bar.width() <= usize::from(width) + 1;
     let mut bar = { options }.find(fits).unwrap_or_else(|| line(own, &[done]));
     let mouse = editor.tool.about().1;
     if bar.width() + mouse.len() <= usize::from(width) {

@@ -31,7 +31,6 @@ pub struct TrainedElsewhere {
     seen: watch::Receiver<Seen>,
 }
 
-/// What was last seen of its files.
 #[derive(Clone, Default)]
 struct Seen {
     checkpoint: Option<Stamp>,
