@@ -125,7 +125,6 @@ pub enum Axis {
     Seconds,
 }
 
-/// Returns the next of all values of an option.
 fn next<T: ValueEnum + PartialEq + Copy>(now: T) -> T {
     let mut all = T::value_variants().iter().cycle().skip_while(|value| **value != now);
     all.nth(1).copied().unwrap_or(now)

@@ -167,7 +167,6 @@ fn known_worlds(name: &Path, options: &SuiteOptions, registry: &Registry) -> Opt
     })
 }
 
-/// Returns the updates that suites train for on a map.
 fn usual_updates(map: &Grid) -> u64 {
     let fitting = BUDGETS.iter().find(|(cells, _)| map.free_count() <= *cells);
     fitting.map_or(LARGEST_BUDGET, |(_, updates)| *updates)
@@ -261,7 +260,6 @@ mod tests {
     use super::super::spec::EvaluationAt;
     use super::*;
 
-    /// Returns the jobs of a command that writes to `out`.
     fn jobs(out: &Path, args: &str) -> Vec<JobSpec> {
         let line = ["suite", "--out", out.to_str().expect("text")];
         let args = args.replace("OUT", line[2]);

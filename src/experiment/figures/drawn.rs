@@ -308,7 +308,6 @@ pub fn section(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Resu
     ))
 }
 
-/// Formats the mean, and the range if there are several seeds.
 fn numbers(values: &[f64], digits: usize) -> String {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
