@@ -25,7 +25,7 @@ use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
 pub use read_records::{Progress, whole};
-pub use reader::{FoundRuns, RunReader};
+pub use reader::{FoundRuns, RunReader, checkpoints_below};
 
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);

@@ -8,7 +8,7 @@ use std::time::SystemTime;
 
 use super::read_records::{join, whole};
 use super::{SavedRun, file, files_of};
-use crate::setup::saves::SAVES;
+use crate::setup::saves::{SAVES, files_in};
 use gdg::files::is_hidden;
 use gdg::train::is_checkpoint;
 
@@ -88,9 +88,8 @@ impl RunReader {
                 files.extend(found.unwrap_or_default());
             }
         }
-        // Names of what is in the present folder are short. A folder may be named twice.
+        // A folder may be named twice.
         let mut listed = HashSet::new();
-        let short = |file: PathBuf| file.strip_prefix(".").map(Path::to_owned).unwrap_or(file);
         let mut files: Vec<PathBuf> = files.into_iter().map(short).collect();
         files.retain(|file| listed.insert(whole(file)));
         (files, damaged)
@@ -110,6 +109,17 @@ impl RunReader {
         let runs = known.flat_map(|(_, runs)| runs).chain(damaged).cloned().collect();
         FoundRuns { runs: join(runs), read: [read, files.len()] }
     }
+}
+
+/// Returns the checkpoints in a folder and below, jobs' too.
+pub fn checkpoints_below(folder: &Path) -> Vec<PathBuf> {
+    let folders = with_folders_below(folder).into_iter().flat_map(|own| [own.join(JOBS), own]);
+    folders.flat_map(|folder| files_in(&folder).unwrap_or_default()).map(short).collect()
+}
+
+/// Names of what is in the present folder are short.
+fn short(file: PathBuf) -> PathBuf {
+    file.strip_prefix(".").map(Path::to_owned).unwrap_or(file)
 }
 
 /// Returns a folder and those below it that may have runs, each once, the usual ones first.

@@ -1,5 +1,6 @@
 //! Maps, checkpoints and exports on disk.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -7,8 +8,9 @@ use jiff::tz::TimeZone;
 
 use super::saving::unsaved;
 use super::{Cx, Session};
+use crate::experiment::saved_runs;
 use crate::setup::find_maps::warnings;
-use crate::setup::saves::{self, SAVES};
+use crate::setup::saves::{SAVES, files_in};
 use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;
@@ -16,7 +18,6 @@ use crate::tui::lists::{self, Described};
 use gdg::files::{has_extension, is_hidden, write_atomically};
 use gdg::job::{Job, Running};
 use gdg::map::{Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like};
-use gdg::text::counted;
 use gdg::train::describe;
 
 /// The largest text that is read to find out whether it is a map, in bytes.
@@ -78,33 +79,25 @@ pub fn export(kind: ExportKind, cx: &mut Cx) {
     }
 }
 
-/// Returns the folders whose checkpoints are listed: that of the run's own file, and the usual one.
-fn folders(own: &Path) -> Vec<PathBuf> {
-    let usual = PathBuf::from(SAVES);
-    let mut folders = vec![own.parent().map_or(usual.clone(), Path::to_owned), usual];
-    // It may be the same by another name, such as ./saves.
-    folders.dedup_by_key(|folder| folder.canonicalize().ok());
-    folders
-}
-
-/// Lists the checkpoints beside the run's own file, and those in the usual folder, to load one.
+/// Lists the checkpoints beside the run's own file, in the present folder and below, to load one.
 pub fn pick_checkpoint(session: &mut Session) {
-    let (folders, screen) = (folders(session.saver.to.path()), &mut session.cx.screen);
-    let files: Vec<PathBuf> =
-        folders.iter().flat_map(|folder| saves::files_in(folder).unwrap_or_default()).collect();
-    if files.is_empty() {
-        let (key, folder) = (screen.keymap.key_of(Action::Save), folders[0].display());
-        return screen.notify(&format!("no checkpoints in {folder}: {key} saves one"));
-    }
-    let what = counted(files.len() as u64, "checkpoint");
-    read(session, &what, move |progress| {
+    let own = session.saver.to.path().parent().map(Path::to_owned);
+    let key = session.screen.keymap.key_of(Action::Save);
+    read(session, "the checkpoints here", move |progress| {
+        let mut files = saved_runs::checkpoints_below(Path::new("."));
+        files.extend(own.and_then(|folder| files_in(&folder).ok()).unwrap_or_default());
+        let mut known = HashSet::new();
+        files.retain(|file| known.insert(saved_runs::whole(file)));
         progress.begin(0, 1);
         let described = files.iter().enumerate().map(|(i, path)| {
             progress.set(i, files.len());
             describe(path)
         });
         let found: Vec<Described> = described.collect();
-        Box::new(move |cx| cx.screen.open(lists::checkpoints(found, &TimeZone::system())))
+        Box::new(move |cx| match found.len() {
+            0 => cx.screen.notify(&format!("no checkpoints here yet: {key} saves one")),
+            _ => cx.screen.open(lists::checkpoints(found, &TimeZone::system())),
+        })
     });
 }
 
