@@ -371,6 +371,7 @@ impl BridgeGraph {
             pairs: Vec::new(),
             near: 0,
             hop_steps,
+            walks_arrive: self.candidates.hops().arrive(self.candidates.settings.edge_cutoff_steps),
         };
         let mut nearest = vec![f32::INFINITY; count];
         for number in 0..goals {
