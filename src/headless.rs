@@ -144,7 +144,7 @@ impl HeadlessRun<'_> {
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |run: &mut Self| {
             let Some(facts) = run.facts()? else { return Ok((EndReason::Interrupted, None)) };
-            print(&Record::start(&run.setup, facts))?;
+            print(&Record::start(&run.setup, run.options.eval_tasks, facts))?;
             let reason = run.train()?;
             if reason == EndReason::Interrupted {
                 return Ok((reason, None));
@@ -158,9 +158,8 @@ impl HeadlessRun<'_> {
         };
         catch_unwind(AssertUnwindSafe(|| run(self))).unwrap_or_else(|_| {
             let mended = self.setup.trainer.repair_after_panic().is_ok();
-            let state =
-                if mended { "the run is saved if --save is given" } else { "saving may fail" };
-            Err(miette!(help = logging::hint(), "an internal error ended training; {state}"))
+            let then = if mended { "with --save, the run is saved" } else { "saving may fail" };
+            Err(miette!(help = logging::hint(), "an internal error ended training; {then}"))
         })
     }
 
@@ -168,9 +167,8 @@ impl HeadlessRun<'_> {
     /// first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0).into_diagnostic()?;
-        run_interruptibly("facts", &self.termination, move |_| {
-            world.abilities().recorded.map_or_else(Map::new, Recorded::facts)
-        })
+        let facts = move |_: &_| world.abilities().recorded.map_or_else(Map::new, Recorded::facts);
+        run_interruptibly("facts", &self.termination, facts)
     }
 
     fn train(&mut self) -> Result<EndReason, Report> {
@@ -273,10 +271,8 @@ impl HeadlessRun<'_> {
         let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
         let unsaved = self.setup.trainer.counters().updates.saturating_sub(self.begun_at);
         if self.saver.is_none() && unsaved > 0 && !(is_complete && self.setup.resumed.is_none()) {
-            eprint_line(&format!(
-                "not saved: {}; give --save FILE to keep them",
-                counted(unsaved, "update")
-            ));
+            let lost = counted(unsaved, "update");
+            eprint_line(&format!("not saved: {lost}; give --save FILE to keep them"));
         }
     }
 
@@ -284,23 +280,18 @@ impl HeadlessRun<'_> {
     /// says what to do.
     fn explained(&self, error: Report) -> Report {
         let saved = self.saver.as_ref().filter(|saver| saver.has_saved(&self.setup.trainer));
-        match saved {
-            Some(saver) if error.help().is_none() => {
-                let (file, resume) = (saver.path().display(), resume_command(saver.path()));
-                let help = format!("the run is saved to {file}: {resume} goes on");
-                let causes: Vec<String> = error.chain().map(ToString::to_string).collect();
-                miette!(help = help, "{}", causes.join(": "))
-            }
-            _ => error,
-        }
+        let Some(saver) = saved.filter(|_| error.help().is_none()) else { return error };
+        let (file, resume) = (saver.path().display(), resume_command(saver.path()));
+        let help = format!("the run is saved to {file}: {resume} goes on");
+        let causes: Vec<String> = error.chain().map(ToString::to_string).collect();
+        miette!(help = help, "{}", causes.join(": "))
     }
 
     /// Evaluates and prints the result, or returns why the world prevents it; returns `None` if a
     /// signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
-        let trainer = &mut self.setup.trainer;
+        let (trainer, tasks) = (&mut self.setup.trainer, self.options.eval_tasks);
         let is_new = trainer.counters().updates > self.begun_at;
-        let tasks = self.options.eval_tasks;
         let evaluated = evaluate(trainer, tasks, None, is_new, &self.termination)?;
         let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };
         if evaluation.success_rate().is_none() {
@@ -402,12 +393,11 @@ impl CheckpointSaver {
         trainer.take_warnings().iter().for_each(|warning| eprint_line(warning));
         let requested = self.to.path();
         if path != requested {
-            let may_replace =
-                train::is_checkpoint(requested) && matches!(self.to, SaveTo::CreateNew(_));
+            let is_new = matches!(self.to, SaveTo::CreateNew(_));
+            let may_replace = is_new && train::is_checkpoint(requested);
             let help = if may_replace { " (--overwrite replaces it)" } else { "" };
-            let (requested, path) =
-                (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
-            eprint_line(&format!("{requested} {}{help}: saving to {path}", self.to.obstacle()));
+            let [was, now] = [requested, &path].map(|path| sanitized(&path.to_string_lossy()));
+            eprint_line(&format!("{was} {}{help}: saving to {now}", self.to.obstacle()));
         }
         self.to = SaveTo::Replace(path.clone());
         self.last_saved_state = Some(state(trainer));

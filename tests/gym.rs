@@ -10,6 +10,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use gdg::env::gym::Address;
 use gdg::env::{Environment, GymOptions, WorldScene};
 use gdg::train::{Preset, Registry, Run, Trainer};
 use rand::SeedableRng;
@@ -147,13 +148,29 @@ fn without_an_interpreter_the_error_says_how_to_get_one() {
 #[test]
 fn an_address_that_is_none_is_refused_before_anything_starts() {
     let folder = tempfile::tempdir().unwrap();
-    for (address, wrong) in [("gym:", "is not the ID"), ("gym:os.x y:M-v0", "Python package")] {
-        let output = program(folder.path())
-            .args(["--no-ui", address, "--python", "nowhere/python"])
-            .output()
-            .unwrap();
-        assert_eq!(output.status.code(), Some(2));
-        assert!(stderr(&output).contains(wrong), "{}", stderr(&output));
+    let mut command = program(folder.path());
+    command.args(["--no-ui", "gym:os.x y:M-v0", "--python", "nowhere/python"]);
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("is not the name of a Python package"), "{}", stderr(&output));
+    for text in ["my.own_package:Maze-v0", "space/Maze-v0"] {
+        let address: Address = text.parse().unwrap();
+        assert_eq!(
+            (address.to_string(), &*address.id == text),
+            (text.to_owned(), !text.contains(':'))
+        );
+    }
+    for (text, wrong) in [
+        ("", "is not the ID"),
+        ("a b:Maze-v0", "is not the name of a Python package"),
+        ("os;x:Maze-v0", "is not the name of a Python package"),
+        ("package:", "is not the ID"),
+        ("package:two:Maze-v0", "is not the ID"),
+        ("mazes.py:Maze-v0", "is named without .py: give gym:mazes:Maze-v0"),
+        ("\u{1b}[2J", "is not the ID"),
+    ] {
+        let error = text.parse::<Address>().unwrap_err();
+        assert!(error.contains(wrong) && !error.contains('\u{1b}'), "{text:?}: {error}");
     }
 }
 
@@ -280,12 +297,13 @@ fn what_is_missing_or_unsupported_is_said() {
 #[ignore = "needs Python with numpy and gymnasium"]
 fn what_the_learner_needs_is_found_out() {
     let folder = tempfile::tempdir().unwrap();
-    let start = |name: &str, args: &[&str]| {
+    let record = |name: &str, args: &[&str]| {
         let args = [&["--max-updates", "5"], args].concat();
         let output = train(folder.path(), name, &args).output().unwrap();
         assert!(output.status.success(), "{}", stderr(&output));
-        records(&output, "start")[0]["gym"].clone()
+        records(&output, "start")[0].clone()
     };
+    let start = |name: &str, args: &[&str]| record(name, args)["gym"].clone();
     let found = start("Point", &[]);
     assert_eq!(found["achieved"], serde_json::json!([1, 2]), "within the observation");
     assert!((found["goal_radius"].as_f64().unwrap() - 0.5).abs() < 1e-3, "by asking for rewards");
@@ -295,9 +313,18 @@ fn what_the_learner_needs_is_found_out() {
     let half = found["half_range"][1].as_f64().unwrap();
     assert!((5.0..8.0).contains(&half), "goals within 5: {half}");
     start("Strict", &[]);
-    let tasks = start("Tasks", &[]);
-    assert_eq!((&tasks["achieved"], &tasks["tasks"]), (&serde_json::json!([0, 1]), &3.into()));
-    assert_eq!(start("Tasks", &["--goal", "1"])["achieved"], serde_json::json!([1]));
+    let tasks = record("Tasks", &[]);
+    let own = &tasks["gym"];
+    assert_eq!((&own["achieved"], &own["tasks"]), (&serde_json::json!([0, 1]), &3.into()));
+    let given = record("Tasks", &["--goal", "1"]);
+    assert_eq!(given["gym"]["achieved"], serde_json::json!([1]));
+    // What `--goal` is by default is not said.
+    let known = [&tasks, &given].map(|start| start["fingerprint"].as_str().unwrap());
+    assert!(known[0].starts_with("awkward, goal radius 0.5, 40 steps, "), "{known:?}");
+    assert!(
+        known[1].starts_with("awkward, goal radius 0.5 in components 1, 40 steps, "),
+        "{known:?}"
+    );
 }
 
 #[test]
@@ -554,6 +581,42 @@ fn walk(agents: &mut dyn Environment, steps: usize) -> Vec<Vec<f32>> {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn what_a_first_look_has_found_of_observations_and_actions_has_to_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, said) in [
+        (
+            "Strengthens",
+            "the space of its action had component 1 from -0.5 to 0.5 when it was opened, and has \
+             component 1 from -0.5 to 2 now",
+        ),
+        (
+            "Rescales",
+            "the space of its observation had component 0 from -5 to 5 when it was opened",
+        ),
+        (
+            "Lengthens",
+            "the space of its achieved_goal had shape (2,) when it was opened, and has shape",
+        ),
+        ("Regroups", "its desired goal has shape (3,) of float64, but its spaces say 2 numbers"),
+        ("Drifts", ""),
+    ] {
+        let mut agents = two_agents(folder.path(), name);
+        let mut rng = ChaCha8Rng::seed_from_u64(0);
+        let mut step = || {
+            agents.restart(0, &mut rng)?;
+            (0..30).try_for_each(|_| agents.step(&[0.1; 4], &mut rng))
+        };
+        let ended = (0..4).try_for_each(|_| step());
+        let problem = ended.map_or_else(|error| error.to_string(), |()| String::new());
+        assert!(
+            problem.contains(said) && problem.is_empty() == said.is_empty(),
+            "{name}: {problem}"
+        );
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn an_episode_is_repeated_exactly_or_begins_anew_which_is_said_once() {
     let folder = tempfile::tempdir().unwrap();
     // The third one keeps what matters in an object, the last one in numbers of all.
@@ -731,7 +794,7 @@ fn an_environment_whose_file_changes_during_a_run_is_not_evaluated_nor_a_job() {
     let args = ["--max-updates", "60", "--eval-every-updates", "20", "--save", "run.safetensors"];
     let mut command = train(folder.path(), "Point", &args);
     let output = command.env("PYTHONPATH", folder.path()).output().unwrap();
-    let cause = "its file has changed since the run began";
+    let cause = "awkward.py has changed since the run began";
     assert_says(&stderr(&output), "training continues without the evaluation at update 20");
     assert_says(&stderr(&output), cause);
     assert_eq!((records(&output, "evaluation").len(), output.status.code()), (0, Some(1)));
@@ -769,13 +832,26 @@ fn what_a_checkpoint_knows_is_exported_without_its_environment() {
 #[ignore = "needs Python with numpy and gymnasium"]
 fn a_run_is_refused_where_its_environment_is_missing_or_another() {
     let folder = tempfile::tempdir().unwrap();
-    let output =
-        train(folder.path(), "Point", &["--max-updates", "30", "--save", "run.safetensors"])
-            .output();
-    assert!(output.unwrap().status.success());
+    // It imports a file beside it, and one of a virtual environment there.
+    let own = folder.path().join("mazes");
+    let installed = own.join("venv/lib/python3.9/site-packages");
+    std::fs::create_dir_all(&installed).unwrap();
+    let awkward = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym/awkward.py");
+    let text = std::fs::read_to_string(awkward).unwrap()
+        + "
+import beside, other
+";
+    std::fs::write(own.join("awkward.py"), text).unwrap();
+    std::fs::write(own.join("beside.py"), "").unwrap();
+    std::fs::write(installed.join("other.py"), "").unwrap();
+    let paths = std::env::join_paths([&own, &installed]).unwrap();
+    let mut first =
+        train(folder.path(), "Point", &["--max-updates", "30", "--save", "run.safetensors"]);
+    assert!(first.env("PYTHONPATH", &paths).output().unwrap().status.success());
     let before = std::fs::read(folder.path().join("run.safetensors")).unwrap();
     let resumed = |change: &dyn Fn(&mut Command)| {
         let mut command = resume(folder.path(), "run.safetensors", &["--max-updates", "40"]);
+        command.env("PYTHONPATH", &paths);
         change(&mut command);
         command.output().unwrap()
     };
@@ -802,8 +878,15 @@ fn a_run_is_refused_where_its_environment_is_missing_or_another() {
     });
     assert!(shorter.status.success());
     assert!(stderr(&shorter).contains("was 40 and is 7 now"), "{}", stderr(&shorter));
+    std::fs::write(installed.join("other.py"), "edited = True").unwrap();
     let same = resumed(&|_| {});
-    assert!(same.status.success() && !stderr(&same).contains("time limit"));
+    assert!(same.status.success() && !stderr(&same).contains(" now"), "{}", stderr(&same));
+    std::fs::write(own.join("beside.py"), "edited = True").unwrap();
+    let edited = resumed(&|_| {});
+    assert!(edited.status.success(), "{}", stderr(&edited));
+    assert_says(&stderr(&edited), "beside.py has changed since the run was saved: it goes on");
+    let known = [&same, &edited].map(|run| records(run, "start")[0]["fingerprint"].clone());
+    assert_ne!(known[0], known[1]);
     // What was found out belongs to the run.
     let mut again = resume(folder.path(), "run.safetensors", &["--goal-radius", "2"]);
     assert_eq!(again.output().unwrap().status.code(), Some(2));

@@ -2,7 +2,7 @@
 
     python tests/logged.py FOLDER    with a.jsonl, b.jsonl (the run resumed), jobs/ and pictures/
 
-Nothing is sent anywhere. Prints the services that are not installed.
+Nothing is sent anywhere. What is one curve is tried without any service first. Prints the services that are not installed.
 """
 
 import importlib.util
@@ -13,6 +13,8 @@ import sqlite3
 import struct
 import subprocess
 import sys
+
+import gdg_tui.log
 
 os.chdir(sys.argv[1])
 os.environ |= {"WANDB_MODE": "offline", "TRACKIO_DIR": "trackio", "HF_HUB_OFFLINE": "1"}
@@ -26,6 +28,34 @@ def log(service, *files, given=None):
     command = [sys.executable, "-m", "gdg_tui.log", "--to", service, *map(str, files)]
     done = subprocess.run(command, stdin=given, capture_output=True, text=True)
     assert done.returncode == 0 and "not logged" not in done.stderr, done.stderr
+
+
+class Recorder:
+    """A service that keeps the steps of each run."""
+
+    steps = {}
+
+    def __init__(self, project, name, config, first):
+        self.own = Recorder.steps.setdefault(name, [])
+
+    def log(self, values, step):
+        self.own.append(step)
+
+    def close(self):
+        pass
+
+
+def curves(*changes):
+    """Returns the steps of evaluations in each curve, of the records in b.jsonl and a.jsonl with changes."""
+    files, Recorder.steps = [], {}
+    for number, (name, start, more) in enumerate(changes):
+        first, *rest = (json.loads(line) for line in pathlib.Path(f"{name}.jsonl").open())
+        rest = [record for record in rest if record["event"] in ("evaluation", "saved")]
+        files.append(f"changed{number}.jsonl")
+        records = [{**first, **start}, *more, *rest]
+        pathlib.Path(files[-1]).write_text("".join(json.dumps(record) + "\n" for record in records))
+    assert gdg_tui.log.main(["--to", "recorder", *files]) == 0
+    return sorted(map(sorted, Recorder.steps.values()))
 
 
 def tensorboard():
@@ -83,6 +113,25 @@ def wandb():
             pictures += [key for key in values if key.startswith("map")]
     yield from ((names[own], points, bool(pictures)) for own, (points, pictures) in runs.items())
 
+
+gdg_tui.log.SERVICES["recorder"] = Recorder
+RESUMED, BEGUN, WHOLE = ("b", {}, []), ("a", {}, []), sorted(CURVE)
+assert curves(RESUMED, BEGUN) == [WHOLE], "in any order"
+moved = {"data": {"file": "a.npz", "checksum": 1}, "gym": {"id": "Point-v0", "workers": 1}}
+elsewhere = {"data": {"file": "b.npz", "checksum": 1}, "gym": {"id": "Point-v0", "workers": 3}}
+assert curves(("b", elsewhere, []), ("a", moved, [])) == [WHOLE]
+HALF = WHOLE[: len(WHOLE) // 2]
+for other in {"eval_tasks": 9}, {"edit_at": ["150:3 x 3, a"]}, {"fingerprint": "3 x 3, b"}:
+    assert curves(BEGUN, ("a", other, [])) == [HALF, HALF], other
+edit = {"event": "edit", "updates": 150}
+edited = ("b", {"fingerprint": "3 x 3, a", "eval_tasks": 9}, [])
+assert curves(edited, ("a", {"edit_at": ["150:3 x 3, a"]}, [edit])) == [sorted([150, *WHOLE])]
+for name, text in [("map.txt", "S.G"), ("list.json", "[1]"), ("job.json", "{}"), ("none.jsonl", None)]:
+    if text:
+        pathlib.Path(name).write_text(text)
+    command = [sys.executable, "-m", "gdg_tui.log", "--to", "mlflow", "a.jsonl", name]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1) and name in done.stderr, done
 
 for read in tensorboard, mlflow, trackio, wandb:
     service = read.__name__

@@ -129,9 +129,14 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
         ],
     );
 
+    // A figure that somebody has edited is kept.
+    let curves = place.path("out/success.svg");
+    let edited = std::fs::read_to_string(&curves).unwrap().replace("success rate", "share reached");
+    std::fs::write(&curves, &edited).unwrap();
     let second = place.run(&args);
     assert_eq!((second.status, &second.out), (Some(0), &first.out));
-    has_parts(&second.err, &["6 jobs done, 0 to run"]);
+    has_parts(&second.err, &["6 jobs done, 0 to run", "success.svg: the file already exists"]);
+    assert_eq!(std::fs::read_to_string(curves).unwrap(), edited);
     assert!(!second.err.contains("begins"), "{}", second.err);
     assert_eq!(place.results("out"), results, "even the times are the same");
 
@@ -171,6 +176,8 @@ fn several_methods_and_variants_share_a_folder_and_a_report() {
         &report,
         &[&second.out, "\n### her\n", "](pictures/open-ddpg-small-1-", "](pictures/open-her-1-"],
     );
+    let table = std::fs::read_to_string(place.path("out/success.csv")).unwrap();
+    has_parts(&table, &[",her,", ",ddpg,"]);
     let again = place.run(&args(&["--method", "her"]));
     assert_eq!(again.status, Some(0), "{}", again.err);
     has_parts(&again.out, &["| open | her |", "| open | gdg |"]);

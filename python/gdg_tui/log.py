@@ -14,15 +14,19 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import itertools
 import json
 import pathlib
 import re
 import signal
 import sys
 import time
-from typing import Any, Iterator
+from typing import Any, Callable, Iterable, Iterator
 
 ID_LENGTH = 12
+
+# What tells runs apart, besides the world's name, its tasks and data. The key is that of a job.
+APART = "fingerprint method variant preset settings seed version eval_tasks edit_at key".split()
 
 
 class WandB:
@@ -122,35 +126,80 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
-def records(path: pathlib.Path | None) -> Iterator[dict[str, Any]]:
-    """Yields the records of a file or of standard input, or what a job's result amounts to."""
-    text = path.read_text(encoding="utf-8-sig") if path else ""
-    if path and path.suffix == ".json":
-        job = json.loads(text)
-        evaluations = job.pop("evaluations")
-        yield {"event": "start", **job, "updates": 0}
-        yield from ({"event": "evaluation", **evaluation} for evaluation in evaluations)
-        yield {"event": "end", "picture": path.parents[1] / "pictures" / f"{path.stem}.png"}
-        return
-    for number, line in enumerate(text.splitlines() if path else sys.stdin, 1):
+class NoRecords(Exception):
+    """A file is neither records nor a job's result."""
+
+
+def read(path: pathlib.Path) -> list[list[dict[str, Any]]]:
+    """Returns the records of a file or what a job's result amounts to, in parts that each begin with
+    `start`."""
+    try:
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise NoRecords(f"{path}: cannot be read: {error.strerror}") from error
+    if path.suffix == ".json":
+        try:
+            job = dict(json.loads(text))
+            evaluations = [{"event": "evaluation", **dict(at)} for at in job.pop("evaluations")]
+        except (KeyError, RecursionError, TypeError, ValueError) as error:
+            raise NoRecords(f"{path}: no result of a job") from error
+        end = {"event": "end", "picture": path.parents[1] / "pictures" / f"{path.stem}.png"}
+        return [[{"event": "start", **job, "updates": 0}, *evaluations, end]]
+    parts, notes = [], []
+    for record in records(text.splitlines(), str(path), notes.append):
+        if record.get("event") == "start":
+            parts.append([])
+        if parts:
+            parts[-1].append(record)
+    if not parts:
+        raise NoRecords(f"{path}: no records of a run: these begin with its start")
+    for note in notes:
+        say(note)
+    return parts
+
+
+def records(lines: Iterable[str], source: str, note: Callable[[str], None]) -> Iterator[dict[str, Any]]:
+    """Yields the records among lines."""
+    for number, line in enumerate(lines, 1):
         try:
             yield dict(json.loads(line))
-        except (TypeError, ValueError):
-            print(f"{path or 'standard input'}:{number}: no record, left out", file=sys.stderr)
+        except (RecursionError, TypeError, ValueError):
+            note(f"{source}:{number}: no record, left out")
+
+
+def begun(part: list[dict[str, Any]]) -> int:
+    """Returns the updates at which a part begins."""
+    updates = part[0].get("updates")
+    return updates if isinstance(updates, int) else 0
 
 
 def described(start: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Returns the name of a run, which ends in its ID, and its configuration."""
-    varies = ("event", "updates", "resumed", "threads", "seconds")
-    fixed = {key: value for key, value in start.items() if key not in varies}
-    key = hashlib.sha256(json.dumps(fixed, sort_keys=True).encode()).hexdigest()[:ID_LENGTH]
-    world, settings = start.get("map", start.get("world")), start.get("settings") or []
+    """Returns the name of a run, which ends in its ID, and its configuration.
+
+    The ID follows from what `gdg-tui plot` tells runs apart by: not from where files are, or how many
+    processes and threads share the work.
+    """
+    part = lambda name: start[name] if isinstance(start.get(name), dict) else {}
+    world = start.get("map", start.get("world"))
+    world = part("map").get("name") or part("gym").get("id") or (world if isinstance(world, str) else None)
+    own = [world, part("map").get("scenario"), part("data").get("checksum")]
+    key = json.dumps([*own, *map(start.get, APART)], sort_keys=True)
+    key = hashlib.sha256(key.encode()).hexdigest()[:ID_LENGTH]
+    settings = start.get("settings") or []
     if isinstance(settings, dict):
         settings = [f"{name}={value}" for name, value in settings.items()]
-    world = world["name"] if isinstance(world, dict) else world
     name = "-".join(map(str, [world, start.get("method"), *settings, start.get("seed"), key]))
     plain = lambda value: value if isinstance(value, (int, float)) else str(value)
-    return re.sub(r"[^\w.=+-]+", "_", name), {part: plain(value) for part, value in flat(fixed)}
+    varies = ("event", "updates", "resumed", "threads", "seconds")
+    config = {part: plain(value) for part, value in flat(start) if part not in varies}
+    return re.sub(r"[^\w.=+-]+", "_", name), config
+
+
+def goes_on(start: dict[str, Any], before: dict[str, Any]) -> bool:
+    """Whether a run goes on in another's curve, from whose checkpoint it was resumed: also on other
+    evaluation tasks, or where its map was edited."""
+    same = lambda *names: all(start.get(name) == before.get(name) for name in names)
+    return same("method", "settings", "seed") and bool(before.get("edited") or same("fingerprint"))
 
 
 def numbers(event: str, record: dict[str, Any]) -> dict[str, float]:
@@ -161,36 +210,52 @@ def numbers(event: str, record: dict[str, Any]) -> dict[str, float]:
     return {name: float(v) for name, v in found if is_shown(name) and isinstance(v, (int, float))}
 
 
+def say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
 def show(run: Any, picture: pathlib.Path, step: int) -> None:
     try:
         run.picture(picture, step)
     except Exception as error:  # Each service has its own; wandb needs pillow for pictures.
-        print(f"{picture} was not logged: {error}", file=sys.stderr)
+        say(f"{picture} was not logged: {error}")
 
 
 def log(options: argparse.Namespace) -> int:
     """Logs all records; returns of how many runs."""
-    run, step, runs = None, 0, 0
-    for path in options.files or [None]:
-        for record in records(path):
-            event, step = record.pop("event", None), record.get("updates", step)
-            picture = record.get("picture") or options.picture
-            if run and event == "end" and picture and picture.is_file():
-                show(run, picture, step)
-            if run and event in ("start", "end"):
-                run.close()
-                run = None
-            if event == "start":
-                run, runs = SERVICES[options.to](options.project, *described(record), step), runs + 1
-            elif run and event != "saved":
-                run.log(numbers(event, record), step)
-        if run:
+    parts = [part for path in options.files for part in read(path)]
+    # What is resumed comes after what it goes on from, as services may drop what is beyond.
+    parts.sort(key=begun)
+    given = itertools.chain.from_iterable(parts)
+    if not options.files:
+        given = records(sys.stdin, "standard input", say)
+    run, step, runs, own, saved = None, 0, 0, {}, {}
+    for record in given:
+        event, step = record.pop("event", None), record.get("updates", step)
+        picture = record.get("picture") or options.picture
+        if run and event == "end" and picture and picture.is_file():
+            show(run, picture, step)
+        if run and event in ("start", "end"):
             run.close()
             run = None
+        if event == "start":
+            name, config = described(record)
+            before, own = saved.get(record.get("resumed")), {"name": name, **record}
+            if before and goes_on(own, before):
+                own = {**own, "name": before["name"], "edited": before.get("edited")}
+            run = SERVICES[options.to](options.project, own["name"], config, step)
+            runs += 1
+        elif run and event == "saved":
+            saved[record.get("path")] = own
+        elif run:
+            own["edited"] = own.get("edited") or event == "edit"
+            run.log(numbers(event, record), step)
+    if run:
+        run.close()
     return runs
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m gdg_tui.log", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     add = parser.add_argument
@@ -198,7 +263,7 @@ def main() -> int:
     add("--to", choices=SERVICES, required=True)
     add("--project", default="gdg-tui", help="project, experiment or folder (default: gdg-tui)")
     add("--picture", type=pathlib.Path, help="a PNG of the map; those of a suite are found")
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     if options.picture and not options.picture.is_file():
         parser.error(f"there is no {options.picture}")
     if not options.files:
@@ -209,11 +274,14 @@ def main() -> int:
         if log(options):
             return 0
         problem = "nothing was logged: there is no start record"
+    except NoRecords as error:
+        say(str(error))
+        return 2
     except ImportError as error:
         problem = f"{error}: pip install {error.name}"
     except Exception as error:  # Each service has its own.
         problem = f"no more is logged: {type(error).__name__}: {error}"
-    print(problem, file=sys.stderr, flush=True)
+    say(problem)
     # The trainer would fail if nobody read what it still writes.
     for _ in () if options.files else sys.stdin:
         pass

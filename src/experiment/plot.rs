@@ -264,13 +264,7 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     };
     let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
     let table = out[0].with_extension("csv");
-    let behind = |figure: &Path| table_behind(&read(figure, MOST_BYTES).ok()?);
-    for path in &out {
-        refuse_existing(path, options.overwrite || behind(path).is_some())?;
-    }
-    let found = read(&table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
-    let beside = FigureFormat::ALL.map(|format| behind(&table.with_extension(format.extension())));
-    refuse_existing(&table, options.overwrite || found.is_some() && beside.contains(&found))?;
+    refuse_edited(&out, &table, options.overwrite)?;
     let reading = Waiting::on("reading the runs");
     let (runs, mut notes) = saved_runs::runs(&options.runs, &reading)?;
     drop(reading);
@@ -288,6 +282,18 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
         lines += &write(path, &figure)?;
     }
     Ok(lines + &write(&table, &drawn.table)?)
+}
+
+/// Rejects figures that are there but not as this program has made them, and a table that is none
+/// behind a figure beside it.
+pub fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(), Report> {
+    let behind = |figure: &Path| table_behind(&read(figure, MOST_BYTES).ok()?);
+    for path in figures {
+        refuse_existing(path, overwrite || behind(path).is_some())?;
+    }
+    let found = read(table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
+    let beside = FigureFormat::ALL.map(|format| behind(&table.with_extension(format.extension())));
+    refuse_existing(table, overwrite || found.is_some() && beside.contains(&found))
 }
 
 fn beside(path: &Path, name: &str) -> PathBuf {
@@ -386,10 +392,8 @@ mod tests {
             ([edit("a"), json!({})], ["edit=500:a", "her"]),
             ([size("11 x 7"), size("21 x 21")], ["hall (11 x 7)", "hall (21 x 21)"]),
         ] {
-            let files = [
-                record(folder.path(), "a.jsonl", &one, &[1], ""),
-                record(folder.path(), "b.jsonl", &other, &[2], ""),
-            ];
+            let both = [("a.jsonl", &one, 1), ("b.jsonl", &other, 2)];
+            let files = both.map(|(file, of, at)| record(folder.path(), file, of, &[at], ""));
             let (rows, notes) = drawn(&files);
             let expected = [format!("{} 1 1000", names[0]), format!("{} 1 2000", names[1])];
             assert_eq!((rows, notes), (expected.to_vec(), Vec::new()));
@@ -441,19 +445,14 @@ mod tests {
             assert_eq!(notes, [""; 0]);
         }
         // Where the map was edited, and evaluated on other tasks, it is one run, too.
+        let apart = json!({"tasks": 9, "fingerprint": "3 x 3, b"});
         let other =
             json!({"updates": 3000, "resumed": first, "tasks": 9, "fingerprint": "3 x 3, a"});
         let edited = json!({"edit": "a", "tasks": 5, "fingerprint": "3 x 3, b"});
         let files = [
             record(folder.path(), "b.jsonl", &other, &[4], second),
             record(folder.path(), "a.jsonl", &edited, &[1, 3], first),
-            record(
-                folder.path(),
-                "c.jsonl",
-                &json!({"tasks": 9, "fingerprint": "3 x 3, b"}),
-                &[4],
-                "",
-            ),
+            record(folder.path(), "c.jsonl", &apart, &[4], ""),
         ];
         let (rows, notes) = drawn(&files);
         let own = "edit=500:a eval-tasks=5 1";

@@ -119,6 +119,7 @@ impl RunState {
 impl SavedRun {
     pub fn of_result(result: JobResult, source: PathBuf) -> Self {
         let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
+        let data = result.data.map(|data| data.checksum);
         Self {
             source,
             kind: RunKind::Result,
@@ -127,12 +128,7 @@ impl SavedRun {
             map: result.world,
             method: result.method.name(),
             variant: result.variant,
-            settings: facts(
-                result.preset.name(),
-                result.settings,
-                result.data.map(|data| data.checksum),
-                None,
-            ),
+            settings: facts(result.preset.name(), result.settings, data, None),
             seed: result.seed,
             version: Some(result.version),
             eval_tasks: result.eval_tasks,

@@ -12,7 +12,7 @@ use super::plan::JobPlan;
 use super::plot::{self, By, DrawnPlot, PAGE};
 use super::report::{CURVES, JobRow, report, rows, table};
 use super::saved_runs::SavedRun;
-use super::spec::{JobSpec, JobWorld};
+use super::spec::{JobResult, JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
 use crate::figure::FigureFormat;
 use crate::process::errors::from_map_error;
@@ -237,13 +237,12 @@ impl Suite<'_> {
     fn draw_curves(&self, rows: &[JobRow]) -> Result<Option<String>, Report> {
         let folder = &self.jobs.folder;
         let results = rows.iter().flat_map(|row| &row.results);
-        let runs: Vec<SavedRun> = results
-            .filter(|result| !result.evaluations.is_empty())
-            .map(|result| {
-                let file = folder.path(&format!("jobs/{}.json", result.name));
-                SavedRun::of_result(result.clone(), file)
-            })
-            .collect();
+        let run = |result: &JobResult| {
+            let file = folder.path(&format!("jobs/{}.json", result.name));
+            SavedRun::of_result(result.clone(), file)
+        };
+        let evaluated = results.filter(|result| !result.evaluations.is_empty());
+        let runs: Vec<SavedRun> = evaluated.map(run).collect();
         if runs.is_empty() {
             return Ok(None);
         }
@@ -251,8 +250,13 @@ impl Suite<'_> {
         let options = plot::PlotOptions { by, width: PAGE, ..plot::PlotOptions::default() };
         let DrawnPlot { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
-        folder.write(CURVES, &FigureFormat::Svg.encode_with_table(&sheet, &table)?)?;
-        folder.write("success.csv", &table)?;
+        let [curves, behind] = [CURVES, "success.csv"].map(|name| folder.path(name));
+        if let Err(problem) = plot::refuse_edited(&[curves], &behind, false) {
+            eprint_line(&format!("{problem}, edited: curves and table are left as they are"));
+        } else {
+            folder.write(CURVES, &FigureFormat::Svg.encode_with_table(&sheet, &table)?)?;
+            folder.write("success.csv", &table)?;
+        }
         Ok(Some(caption))
     }
 }
@@ -263,7 +267,7 @@ mod tests {
     use serde_json::json;
 
     use super::super::folder::Folder;
-    use super::super::spec::{EvaluationAt, JobResult};
+    use super::super::spec::EvaluationAt;
     use super::*;
 
     /// Returns the jobs of a command that writes to `out`.

@@ -64,6 +64,8 @@ fn head() -> String {
 
 /// The table, while it is written.
 pub struct MetricsTable {
+    /// Where it was opened, and where it is.
+    given: PathBuf,
     path: PathBuf,
     file: File,
     /// All of it.
@@ -93,7 +95,8 @@ impl MetricsTable {
         if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
             return Err(in_use());
         }
-        let mut table = Self { path: path.to_owned(), file, written: text.len(), text };
+        let (given, written) = (path.to_owned(), text.len());
+        let mut table = Self { path: given.clone(), given, file, text, written };
         if table.text.is_empty() {
             table.text = head() + "\n";
             let written = table.put().into_diagnostic();
@@ -133,7 +136,7 @@ impl MetricsTable {
             }
         }
         if !self.is_at_path(all) {
-            let path = files::write_to_unused(&self.path, self.text.as_bytes())?;
+            let path = files::write_to_unused(&self.given, self.text.as_bytes())?;
             self.file = files::open_or_create(&path)?;
             let _ = self.file.try_lock();
             let (was, now) = (self.path.display(), path.display());
@@ -262,7 +265,8 @@ mod tests {
         std::fs::write(path("m.csv"), "1\n").expect("written");
         let file = File::open(path("m.csv")).expect("one that cannot be written");
         let text = "1\n".to_owned();
-        let mut table = MetricsTable { path: path("m.csv"), file, text, written: 2 };
+        let (given, path_now) = (path("m.csv"), path("m.csv"));
+        let mut table = MetricsTable { given, path: path_now, file, text, written: 2 };
         table.write("2\n");
         table.file = File::options().write(true).open(path("m.csv")).expect("a file");
         table.write("3\n");
@@ -276,6 +280,6 @@ mod tests {
             table.write("5\n");
             assert_eq!(read(edited), "1\n2\n3");
         }
-        assert_eq!(read("m-2-2.csv"), "1\n2\n3\n4\n5\n5\n");
+        assert_eq!(read("m-3.csv"), "1\n2\n3\n4\n5\n5\n");
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::updates_per_second;
-use crate::setup::Setup;
+use crate::setup::{Edit, Setup};
 use gdg::learn::{Losses, Threads};
 use gdg::train::{
     BridgeFacts, DataSource, DistanceError, EndReason, Evaluation, MarkedTask, Moment, Recovery,
@@ -31,6 +31,10 @@ pub enum Record {
         /// Settings that differ from the preset's.
         settings: Map<String, Value>,
         seed: u64,
+        eval_tasks: usize,
+        /// Edits to come.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        edit_at: Vec<String>,
         /// A number, or "auto".
         threads: Value,
         updates: u64,
@@ -94,8 +98,9 @@ pub struct LossRecord {
 }
 
 impl Record {
-    pub fn start(setup: &Setup, facts: Map<String, Value>) -> Self {
+    pub fn start(setup: &Setup, eval_tasks: usize, facts: Map<String, Value>) -> Self {
         let run = setup.trainer.run();
+        let edit = |edit: &Edit| Some(format!("{}:{}", edit.updates, edit.world.fingerprint()?));
         Self::Start {
             version: env!("CARGO_PKG_VERSION"),
             world: setup.trainer.world().kind(),
@@ -106,6 +111,8 @@ impl Record {
             preset: run.preset.name(),
             settings: run.changed_settings(),
             seed: run.seed,
+            eval_tasks,
+            edit_at: setup.edits.iter().filter_map(edit).collect(),
             threads: match setup.threads {
                 Threads::Fixed(number) => number.into(),
                 Threads::Auto { .. } => "auto".into(),
@@ -159,10 +166,8 @@ impl Record {
     }
 
     pub fn saved(trainer: &Trainer, path: &Path) -> Self {
-        Self::Saved {
-            updates: trainer.counters().updates,
-            path: path.to_string_lossy().into_owned(),
-        }
+        let path = path.to_string_lossy().into_owned();
+        Self::Saved { updates: trainer.counters().updates, path }
     }
 
     pub fn end(reason: EndReason, trainer: &Trainer) -> Self {

@@ -106,6 +106,43 @@ class Shrinks(Point):
         return {**observation, "achieved_goal": self.at[:1]} if steps > AFTER else observation
 
 
+class Drifts(Point):
+    """Becomes another one after its first look, of 320 steps: asks for goals within other bounds, which
+    it may."""
+
+    def step(self, action):
+        answer = super().step(np.clip(action, -0.5, 0.5))
+        if steps > 400:
+            self.drift()
+        return answer
+
+    def drift(self):
+        self.observation_space["desired_goal"] = gym.spaces.Box(-9.0, 9.0, (2,), np.float64)
+
+
+class Strengthens(Drifts):
+    def drift(self):
+        self.action_space.high[1] = 2.0
+
+
+class Rescales(Drifts):
+    def drift(self):
+        self.observation_space["observation"] = gym.spaces.Box(-1.0, 1.0, (3,), np.float64)
+
+
+class Regroups(Drifts):
+    """Has longer goals than it says, or both."""
+
+    def observe(self):
+        observation = super().observe()
+        return {**observation, "desired_goal": np.zeros(3)} if steps > 400 else observation
+
+
+class Lengthens(Drifts):
+    def drift(self):
+        self.observation_space["achieved_goal"] = gym.spaces.Box(-9.0, 9.0, (3,), np.float64)
+
+
 class Unknown(Point):
     def misbehave(self):
         self.wind = float("nan")

@@ -405,10 +405,7 @@ pub enum WorldScene {
 impl WorldScene {
     /// Returns the maze, if it is one.
     pub fn maze(&self) -> Option<&MazeScene> {
-        match self {
-            Self::Maze(maze) => Some(maze),
-            Self::Goals(_) | Self::Arm(_) => None,
-        }
+        if let Self::Maze(maze) = self { Some(maze) } else { None }
     }
 }
 

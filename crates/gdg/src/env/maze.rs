@@ -445,12 +445,9 @@ impl Explored for PointMaze {
     fn coverage(&self, visits: &[u32]) -> f64 {
         let seen =
             |cells: &[Cell]| cells.iter().filter(|cell| visits[self.map.index(**cell)] > 0).count();
-        let counts = self
-            .components
-            .iter()
-            .map(|cells| (seen(cells), cells.len()))
-            .filter(|(seen, _)| *seen > 0);
-        let (seen, all) = counts.fold((0, 0), |(seen, all), (own, of)| (seen + own, all + of));
+        let counts = self.components.iter().map(|cells| (seen(cells), cells.len()));
+        let begun = counts.filter(|(seen, _)| *seen > 0);
+        let (seen, all) = begun.fold((0, 0), |(seen, all), (own, of)| (seen + own, all + of));
         seen as f64 / all.max(1) as f64
     }
 }

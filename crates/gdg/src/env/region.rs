@@ -48,14 +48,9 @@ impl Region {
     pub fn add(&mut self, low: &[f32], high: &[f32], gap: f32) {
         let centre = || low.iter().zip(high).map(|(low, high)| 0.5 * (low + high));
         let distance = |own: &Cuboid| own.distance(centre());
-        let nearest = self
-            .boxes
-            .iter()
-            .map(distance)
-            .enumerate()
-            .min_by(|(_, a), (_, b)| a.total_cmp(b))
-            .filter(|(_, distance)| *distance < gap || self.boxes.len() >= MAX_BOXES);
-        match nearest {
+        let distances = self.boxes.iter().map(distance).enumerate();
+        let nearest = distances.min_by(|(_, a), (_, b)| a.total_cmp(b));
+        match nearest.filter(|(_, far)| *far < gap || self.boxes.len() >= MAX_BOXES) {
             Some((i, _)) => self.boxes[i].include(low, high),
             None => self.boxes.push(Cuboid { low: low.to_vec(), high: high.to_vec() }),
         }

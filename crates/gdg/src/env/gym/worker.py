@@ -8,10 +8,10 @@ Each request gets one reply: OK with what was asked for, or FAILED with JSON tha
 
 import atexit
 import importlib
-import inspect
 import json
 import os
 import random
+import re
 import select
 import signal
 import struct
@@ -27,6 +27,9 @@ OPEN, MAKE, RESET, STEP = range(1, 5)
 # Modules that register well-known environments, for IDs without a package.
 KNOWN_PACKAGES = ("gymnasium_robotics", "ogbench")
 
+# Of observations with goals.
+PARTS = "observation", "achieved_goal", "desired_goal"
+
 # Most numbers of an observation: more are an image or the like.
 MAX_NUMBERS = 4096
 
@@ -37,6 +40,12 @@ MAX_TEXT = 4000
 LARGEST_BOUND = 1e9
 # Steps of a process in which it is found out whether they draw from the shared generators.
 FIRST_STEPS = 400
+
+# What is installed below a folder is no part of an environment there: with it, a virtual environment.
+INSTALLED = re.compile("(^|/)((site|dist)-packages|lib/python3[^/]*)/")
+
+# Most files of an environment that are compared, and most bytes of them that are read for that.
+MOST_FILES, MOST_READ = 1000, 64 << 20
 
 # When Gymnasium-Robotics' mazes count a goal as reached: the number is within their code.
 MAZE_RADIUS = 0.45
@@ -135,13 +144,9 @@ class Goals:
     """Where an environment has its goals: in the observation, or in `info` as OGBench does."""
 
     def __init__(self, slot):
+        _, info = reset(slot, 0)
         space = slot.env.observation_space
-        observation, info = reset(slot, 0)
-        self.in_observation = isinstance(space, gym.spaces.Dict) and {
-            "observation",
-            "achieved_goal",
-            "desired_goal",
-        } <= set(space.spaces)
+        self.in_observation = isinstance(space, gym.spaces.Dict) and set(PARTS) <= set(space.spaces)
         if self.in_observation:
             self.observed = flat_numbers(space["observation"], "its observations are")
             self.achieved = flat_numbers(space["achieved_goal"], "its goals are")
@@ -157,11 +162,18 @@ class Goals:
                 f" desired_goal, or its info a goal, as in OGBench; they are {space}"
             )
 
+    def spaces(self, env):
+        """Returns the spaces of an environment by name."""
+        seen = env.observation_space
+        parts = {name: seen[name] for name in PARTS} if self.in_observation else {"observation": seen}
+        return {"action": env.action_space, **parts}
+
     def observe(self, observation):
         """Returns an observation, followed by the achieved goal if it is apart."""
         if not self.in_observation:
             return vector(observation, self.observed, "observation").copy()
         seen = vector(observation["observation"], self.observed, "observation")
+        self.desired(observation, None)
         return np.append(seen, vector(observation["achieved_goal"], self.goal, "achieved goal"))
 
     def desired(self, observation, info):
@@ -180,6 +192,19 @@ def vector(numbers, length, what):
         shown = f"shape {numbers.shape} of {numbers.dtype}"
         raise ValueError(f"its {what} has {shown}, but its spaces say {length} numbers")
     return numbers
+
+
+def check_form(spaces):
+    """Refuses spaces that are others than at first. Goals may get other bounds."""
+    for name, space in spaces.items():
+        form = [f"shape {space.shape}"]
+        if not name.endswith("_goal"):
+            ranges = enumerate(zip(space.low.ravel().tolist(), space.high.ravel().tolist()))
+            form += [f"component {i} from {low:g} to {high:g}" for i, (low, high) in ranges]
+        first = forms.setdefault(name, form)
+        if form != first:
+            was, now = next((a, b) for a, b in zip(first, form) if a != b)
+            raise Unsupported(f"the space of its {name} had {was} when it was opened, and has {now} now")
 
 
 def make():
@@ -246,6 +271,7 @@ def reset(slot, seed, task=-1):
 def step(slot, action):
     """Steps an environment and returns what it observes."""
     wanted = "observation, reward, terminated, truncated, info"
+    check_form({"action": slot.env.action_space})
     Slot.steps += 1
     owns = slot.generators is not None and (Slot.draws or Slot.steps <= FIRST_STEPS)
     if owns:
@@ -307,6 +333,7 @@ def open_environment(body):
             " are supported"
         )
     goals = Goals(slot)
+    check_form(goals.spaces(slot.env))
     return json.dumps(describe(slot, config["package"])).encode()
 
 
@@ -329,7 +356,7 @@ def describe(slot, package):
         "goal_radius": float(radius) if says_radius else None,
         "maze": find_maze(own),
         "versions": versions(package),
-        "source": source(own),
+        "sources": sources(type(own).__module__, package),
     }
 
 
@@ -342,13 +369,30 @@ def versions(package):
     return found
 
 
-def source(own):
-    """Returns a checksum of the file with the environment's class, if there is one."""
-    try:
-        with open(inspect.getsourcefile(type(own)), "rb") as file:
-            return zlib.crc32(file.read())
-    except (TypeError, OSError):
-        return None
+def sources(*modules):
+    """Returns checksums, by name, of the files of all that has been imported so far from the packages of
+    these modules, or from beside them."""
+    places, found, left = {}, {}, MOST_READ
+    for top in (sys.modules.get(name.split(".")[0]) for name in modules):
+        for folder in map(os.path.realpath, getattr(top, "__path__", ())):
+            places[folder + os.sep] = os.path.dirname(folder)
+        if not hasattr(top, "__path__") and getattr(top, "__file__", None):
+            file = os.path.realpath(top.__file__)
+            beside = os.path.dirname(file) + os.sep
+            places[file if INSTALLED.search(beside) else beside] = beside
+    # Asked for an attribute that it lacks, a module may import more.
+    files = (getattr(module, "__dict__", {}).get("__file__") for module in list(sys.modules.values()))
+    for path in sorted({os.path.realpath(file) for file in files if isinstance(file, str)}):
+        place = next((place for place in places if path.startswith(place)), None)
+        if place and not INSTALLED.search(path[len(place) :]) and len(found) < MOST_FILES:
+            try:
+                with open(path, "rb") as file:
+                    content = file.read(left)
+            except OSError:
+                continue
+            left -= len(content)
+            found[safe(os.path.relpath(path, places[place]))] = zlib.crc32(content)
+    return found
 
 
 def numbers(body):
@@ -373,6 +417,7 @@ def reset_one(body):
     index, seed, task = map(int, numbers(body))
     slot = slots[index]
     observation, info = reset(slot, seed, task)
+    check_form(goals.spaces(slot.env))
     slot.last = goals.observe(observation)
     return np.append(slot.row(), goals.desired(observation, info))
 
@@ -437,7 +482,7 @@ def serve():
         channel.sendall(struct.pack("<II", reply[0], len(reply[1])) + reply[1])
 
 
-slots = []
+slots, forms = [], {}
 worker = os.getpid()
 begin()
 try:

@@ -1,7 +1,7 @@
 //! A worker: a Python interpreter that runs `worker.py`, at the other end of a socket. A message
 //! either way is a kind and a length, then that many bytes, all little-endian.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, ErrorKind, PipeReader, Read, Write};
 use std::net::Shutdown;
 use std::os::fd::OwnedFd;
@@ -114,9 +114,9 @@ pub struct EnvDescription {
     pub maze: Option<Walls>,
     /// Versions of Python and of packages.
     pub versions: BTreeMap<String, String>,
-    /// Checksum of the file with its class, if there is one.
+    /// Checksums of its files, by name.
     #[serde(default)]
-    pub source: Option<u32>,
+    pub sources: BTreeMap<String, u32>,
 }
 
 impl EnvDescription {
@@ -161,19 +161,36 @@ impl EnvDescription {
         endless.into_iter().chain(self.unbounded())
     }
 
-    /// Whether observations, goals and actions have the same form.
-    pub fn has_form_of(&self, other: &Self) -> bool {
-        (self.sizes(), &self.low, &self.high) == (other.sizes(), &other.low, &other.high)
+    /// Names the files that are others than those of `kept`, if any: "... since the run".
+    pub fn changed_files(&self, kept: &Self) -> Option<String> {
+        let names: BTreeSet<_> = self.sources.keys().chain(kept.sources.keys()).collect();
+        let is_changed = |name: &&String| self.sources.get(*name) != kept.sources.get(*name);
+        let changed: Vec<&str> = names.into_iter().filter(is_changed).map(String::as_str).collect();
+        let shown = truncated(&changed.join(", "), MAX_SHOWN_CHARS);
+        let has = if changed.len() == 1 { "has" } else { "have" };
+        (!changed.is_empty()).then(|| format!("{shown} {has} changed since the run"))
     }
 
-    /// Checks that observations, goals and actions are what they were when this was `kept`; warns of
-    /// another time limit.
-    pub fn changes_since(&self, kept: &Self) -> Result<Option<String>, StoreError> {
+    /// Checks that observations, goals and actions are what they were when this was `kept`; says what
+    /// else has changed.
+    pub fn changes_since(&self, kept: &Self) -> Result<Vec<String>, StoreError> {
+        let form = |one: &Self| (one.sizes(), one.low.clone(), one.high.clone());
         let another = "its environment has other observations, goals or actions now: install the \
                        version that the run began with";
-        StoreError::unless(self.has_form_of(kept), another)?;
+        StoreError::unless(form(self) == form(kept), another)?;
         let [was, is] = [kept, self].map(|one| one.time_limit.map_or("none".to_owned(), grouped));
-        Ok((was != is).then(|| format!("its time limit, in steps, was {was} and is {is} now")))
+        let limit = (was != is).then_some(("its time limit, in steps,", was, is)).into_iter();
+        let versions = kept.versions.iter().filter_map(|(name, was)| {
+            let is = self.versions.get(name).filter(|is| *is != was)?;
+            Some((name.as_str(), was.clone(), is.clone()))
+        });
+        let changes = limit.chain(versions).map(|(what, was, is)| {
+            truncated(&format!("{what} was {was} and is {is} now"), MAX_SHOWN_CHARS)
+        });
+        // Runs of earlier versions know no files.
+        let files = self.changed_files(kept).filter(|_| !kept.sources.is_empty());
+        let files = files.map(|files| files + " was saved: it goes on with what there is now");
+        Ok(changes.chain(files).collect())
     }
 
     fn unbounded(&self) -> Option<String> {

@@ -137,7 +137,7 @@ impl Pool {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
         let (found, warnings) = if let Some((found, was)) = kept {
-            (found, about.changes_since(&was)?.into_iter().collect())
+            (found, about.changes_since(&was)?)
         } else {
             let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
             let warnings: Vec<String> = about.warnings().collect();
@@ -192,10 +192,12 @@ impl Pool {
         };
         let new = || {
             let (worker, about) = start(&self.address, &self.options, &self.job)?;
-            let is_same = about.has_form_of(&self.about) && about.source == self.about.source;
-            let problem =
-                "its file has changed since the run began: put back what it was".to_owned();
-            is_same.then_some(worker).ok_or_else(|| failed(&self.address.id, problem, Vec::new()))
+            if let Some(files) = about.changed_files(&self.about) {
+                let problem = files + " began: put back what was there";
+                return Err(failed(&self.address.id, problem, Vec::new()));
+            }
+            about.changes_since(&self.about)?;
+            Ok(worker)
         };
         let mut worker = idle.map_or_else(new, Ok)?;
         worker.make(environments)?;
@@ -220,32 +222,4 @@ fn start(
     let mut worker = GymWorker::start(&python, &address.id, timeout, job.clone())?;
     let about = worker.open(address.package.as_deref(), &address.id)?;
     Ok((worker, about))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_package_and_an_id_are_told_apart_and_what_is_no_name_is_refused_and_safe_to_show() {
-        for text in ["my.own_package:Maze-v0", "space/Maze-v0"] {
-            let address: Address = text.parse().expect(text);
-            assert_eq!(
-                (address.to_string(), &*address.id == text),
-                (text.to_owned(), !text.contains(':'))
-            );
-        }
-        for (text, wrong) in [
-            ("", "is not the ID"),
-            ("a b:Maze-v0", "is not the name of a Python package"),
-            ("os;x:Maze-v0", "is not the name of a Python package"),
-            ("package:", "is not the ID"),
-            ("package:two:Maze-v0", "is not the ID"),
-            ("mazes.py:Maze-v0", "is named without .py: give gym:mazes:Maze-v0"),
-            ("\u{1b}[2J", "is not the ID"),
-        ] {
-            let error = text.parse::<Address>().expect_err(text);
-            assert!(error.contains(wrong) && !error.contains('\u{1b}'), "{text:?}: {error}");
-        }
-    }
 }

@@ -317,14 +317,10 @@ mod tests {
                 let rngs = || ChaCha8Rng::seed_from_u64(u64::from(distance));
                 let (mut own, mut other) = (rngs(), rngs());
                 for _ in 0..5 {
-                    let drawn = pairs
-                        .draw(distance, &mut own)
-                        .map(|(start, goal, steps)| task(start, goal, steps, 0));
-                    assert_eq!(
-                        drawn.is_none(),
-                        distance > diameter.steps + 1,
-                        "{kind:?}, {distance}"
-                    );
+                    let drawn = pairs.draw(distance, &mut own);
+                    let drawn = drawn.map(|(start, goal, steps)| task(start, goal, steps, 0));
+                    let is_beyond = distance > diameter.steps + 1;
+                    assert_eq!(drawn.is_none(), is_beyond, "{kind:?}, {distance}");
                     assert_eq!(drawn, draw_from_whole_maps(&map, &cells, distance, &mut other));
                     assert_eq!(own, other, "both have drawn as many random numbers");
                 }
