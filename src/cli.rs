@@ -17,7 +17,7 @@ use gdg::map::BUILTIN;
 use gdg::train::Registry;
 
 pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
-pub use screen_args::{CompareArgs, RunsArgs, ScreenArgs, TourArgs};
+pub use screen_args::{CompareArgs, RunsArgs, ScreenArgs, TourArgs, WatchArgs};
 pub use train::TrainArgs;
 
 /// The program's name on the command line.
@@ -29,16 +29,17 @@ Examples:
   gdg-tui tour                               a guided minute and a half
   gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
-  gdg-tui --no-ui my.map --scen my.scen --max-seconds 120 --save a.safetensors
   gdg-tui --resume                           resume the run that was saved last
-  gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui runs                               all runs: resume, compare
+  gdg-tui watch                              the run that another program trains
   gdg-tui fetch-reach --method gdg           a 7-joint arm reaches for points
   gdg-tui --no-ui gym:gymnasium_robotics:PointMaze_UMaze-v3    in Python
   gdg-tui compare gdg-bridge gdg trap        with bridge points and without
   gdg-tui suite maps/ --seeds 3              every map of a folder: a report
   gdg-tui plot saves/suite --out fig.pdf     their curves, for a paper's column
   gdg-tui reproduce all                      the paper's figures
+
+More commands, each with --help: settings, export-data, export-policy, completions, man.
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not \
 reached; 128 + its number after a signal, as 130 after Ctrl-C (the run is saved to --save FILE, \
@@ -82,7 +83,10 @@ pub enum Command {
     Maps(MapsArgs),
     /// Show the runs of folders: filter, sort, compare their curves and settings, resume them
     Runs(RunsArgs),
+    /// Watch a run that another program trains, here or on a machine that shares the folder
+    Watch(WatchArgs),
     /// Print the reference of all settings in Markdown
+    #[command(hide = true)]
     Settings,
     /// Take a guided tour of the four rooms: a minute and a half
     Tour(TourArgs),
@@ -96,17 +100,21 @@ pub enum Command {
     /// Reproduce the paper's figures: data, drawings and a report that compares
     Reproduce(figures::FigureOptions),
     /// Write the transitions that a checkpoint's run has seen as an .npz file, for --data
+    #[command(hide = true)]
     ExportData(ExportArgs),
     /// Write a checkpoint's policy as a safetensors file that other programs can run: with the Python
     /// module gdg_tui, gdg_tui.load_policy(FILE)
+    #[command(hide = true)]
     ExportPolicy(ExportPolicyArgs),
     /// Print shell completions
+    #[command(hide = true)]
     Completions {
         /// The shell
         #[arg(value_enum)]
         shell: Shell,
     },
     /// Print the manual page
+    #[command(hide = true)]
     Man,
     /// Validate a map or scenario file and print its facts
     Check {
@@ -169,7 +177,7 @@ pub fn completions(shell: Shell) -> String {
 /// Returns the command line for completion. Maps and worlds become commands with the options of
 /// training, as scripts accept either a command or a value as the first word, not both.
 fn completed() -> clap::Command {
-    let cli = Cli::command();
+    let cli = Cli::command().mut_subcommands(|each| each.hide(false));
     let options: Vec<Arg> =
         cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
     let registry = Registry::builtin();

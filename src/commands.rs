@@ -46,6 +46,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         None => train::run(&cli.train, registry),
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
+        Some(Command::Watch(args)) => runs::watch(&args, registry),
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
@@ -64,7 +65,9 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => {
             let mut page = Vec::new();
-            let made = clap_mangen::Man::new(Cli::command()).render(&mut page);
+            let made =
+                clap_mangen::Man::new(Cli::command().mut_subcommands(|each| each.hide(false)))
+                    .render(&mut page);
             made.map_err(|error| failure(Report::msg(error)))?;
             print(&String::from_utf8_lossy(&page))
         }

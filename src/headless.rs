@@ -238,7 +238,6 @@ impl HeadlessRun<'_> {
         }
     }
 
-    /// Saves to the path given by `--save`, if any.
     fn save(&mut self) -> Result<(), Report> {
         let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else {
             return Ok(());

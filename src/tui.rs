@@ -67,14 +67,15 @@ pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_
 pub use config::{
     UiConfig, load as load_config, parse as parse_config, template as config_template,
 };
-use gdg::engine::Engine;
+use gdg::engine::{Engine, EngineCommand};
 use gdg::learn::Threads;
 use gdg::map::Reading;
 use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
-pub use runs::{Opened, Opener, RunsScreen};
+pub use runs::{Opened, Opener, RunsScreen, Wish};
 use session::Session;
+pub use session::elsewhere::TrainedElsewhere;
 use terminal::TerminalStage;
 
 /// How the interface is shown.
@@ -135,30 +136,36 @@ fn check_open_files() -> Result<(), Report> {
     })
 }
 
-/// Runs the trainer; returns the exit status, and what is said about files.
-pub fn run(setup: Setup, interface: &mut PreparedInterface) -> Result<(u8, String), Report> {
+/// Runs the trainer, or shows a run that another program trains; returns the exit status, and what is
+/// said about files.
+pub fn run(
+    setup: Setup,
+    elsewhere: Option<TrainedElsewhere>,
+    interface: &mut PreparedInterface,
+) -> Result<(u8, String), Report> {
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let is_new = resumed.is_none();
     // What is to be saved elsewhere is not saved yet.
     let resumed = resumed.filter(|_| save.is_none());
-    interface.show(trainer, limits, resumed, save, |session| {
+    let at_first = elsewhere.as_ref().map(|_| EngineCommand::Pause);
+    interface.show(trainer, (limits, at_first), resumed, save, |session| {
         session.screen.explains = is_new;
         warnings.iter().for_each(|warning| session.screen.notify(warning));
+        elsewhere.into_iter().for_each(|files| session.watch(files));
     })
 }
 
 impl PreparedInterface {
-    /// Shows a run, after `begin`.
     fn show(
         &mut self,
         trainer: Trainer,
-        limits: Limits,
+        (limits, at_first): (Limits, Option<EngineCommand>),
         resumed: Option<PathBuf>,
         save: Option<SaveTo>,
         begin: impl FnOnce(&mut Session),
     ) -> Result<(u8, String), Report> {
-        let engine = Engine::resume(trainer, limits, resumed, []).into_diagnostic()?;
+        let engine = Engine::resume(trainer, limits, resumed, at_first).into_diagnostic()?;
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let keymap = self.keymap.clone();
         let mut session = Session::new(engine.link(), viewer, &self.config, keymap, save);
@@ -168,7 +175,6 @@ impl PreparedInterface {
     }
 }
 
-/// Prepares the run of the guided tour.
 pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = session::tour_run();
     let maze = setup::open_maze(Path::new(session::TOUR_MAP), &Reading::default(), &run, registry)?;
@@ -180,7 +186,7 @@ pub fn take_tour(
     trainer: Trainer,
     interface: &mut PreparedInterface,
 ) -> Result<(u8, String), Report> {
-    interface.show(trainer, Limits::default(), None, None, Session::begin_tour)
+    interface.show(trainer, (Limits::default(), None), None, None, Session::begin_tour)
 }
 
 /// Shows a comparison; returns the exit status, and what is said about files.

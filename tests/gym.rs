@@ -847,11 +847,12 @@ import beside, other
     let paths = std::env::join_paths([&own, &installed]).unwrap();
     let mut first =
         train(folder.path(), "Point", &["--max-updates", "30", "--save", "run.safetensors"]);
-    assert!(first.env("PYTHONPATH", &paths).output().unwrap().status.success());
+    first.env("PYTHONPATH", &paths).env("AWKWARD_VERSION", "1.0");
+    assert!(first.output().unwrap().status.success());
     let before = std::fs::read(folder.path().join("run.safetensors")).unwrap();
     let resumed = |change: &dyn Fn(&mut Command)| {
         let mut command = resume(folder.path(), "run.safetensors", &["--max-updates", "40"]);
-        command.env("PYTHONPATH", &paths);
+        command.env("PYTHONPATH", &paths).env("AWKWARD_VERSION", "1.0");
         change(&mut command);
         command.output().unwrap()
     };
@@ -874,9 +875,10 @@ import beside, other
         assert!(stderr(output).contains("other observations, goals or"), "{}", stderr(output));
     }
     let shorter = resumed(&|command| {
-        command.env("AWKWARD_LIMIT", "7");
+        command.env("AWKWARD_LIMIT", "7").env("AWKWARD_VERSION", "1.1");
     });
     assert!(shorter.status.success());
+    assert!(stderr(&shorter).contains("awkward was 1.0 and is 1.1 now"), "{}", stderr(&shorter));
     assert!(stderr(&shorter).contains("was 40 and is 7 now"), "{}", stderr(&shorter));
     std::fs::write(installed.join("other.py"), "edited = True").unwrap();
     let same = resumed(&|_| {});

@@ -175,11 +175,17 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
     let one = run(&[]);
     assert_eq!(one.status, Some(0));
     assert_eq!(one.out.matches("20 updates, 2 seeds").count(), plain.len(), "{}", one.out);
+    // A figure that somebody has edited is kept, and its table.
+    let [table, drawing] =
+        ["out/data/fig6.csv", "out/figures/fig6.svg"].map(|file| place.path(file));
+    let edited = std::fs::read_to_string(&drawing).unwrap().replace("</svg>", "<g/></svg>");
+    std::fs::write(&drawing, &edited).unwrap();
+    let before = std::fs::read(&table).unwrap();
     let rerun = run(&["--set", "gdg:expectile=0.7"]);
-    has_parts(
-        &rerun.err,
-        &[&format!("{} jobs done, 1 to run", plain.len() - 1), "dead-end-gdg-1-"],
-    );
+    let jobs = format!("{} jobs done, 1 to run", plain.len() - 1);
+    has_parts(&rerun.err, &[&jobs, "dead-end-gdg-1-", "fig6.svg: the file already exists, edited"]);
+    assert_eq!(std::fs::read_to_string(drawing).unwrap(), edited);
+    assert_eq!(std::fs::read(table).unwrap(), before);
     assert_eq!(rerun.err.matches(": begins").count(), 1, "{}", rerun.err);
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
     has_parts(&report, &["`expectile=0.7`"]);

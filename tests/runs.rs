@@ -44,12 +44,12 @@ fn runs_of_every_kind_are_lines_of_json() {
     command.args(["runs", ".", "--json"]);
     let done = ran(command);
     assert_eq!(done.status, Some(0), "{}", done.err);
-    has_parts(&done.err, &["./damaged.jsonl:1: not a record", ": left out"]);
+    has_parts(&done.err, &["damaged.jsonl:1: not a record", ": left out"]);
     let lines: Vec<Value> =
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let found = |file: &str| lines.iter().find(|run| run["file"] == file).unwrap();
     assert_eq!(lines.len(), 3, "{}", done.out);
-    let stopped = found("./stopped.jsonl");
+    let stopped = found("stopped.jsonl");
     let wanted = json!({
         "kind": "records", "state": "stopped", "map": "room", "method": "her", "seed": 1,
         "settings": {"preset": "tuned", "hidden": 64}, "updates": 1500, "evaluated_at": 1000,
@@ -59,10 +59,10 @@ fn runs_of_every_kind_are_lines_of_json() {
     for (name, value) in wanted.as_object().unwrap() {
         assert_eq!(stopped[name], *value, "{name} of {stopped}");
     }
-    let grows = found("./grows.jsonl");
+    let grows = found("grows.jsonl");
     assert_eq!([&grows["state"], &grows["updates"]], [&json!("running"), &json!(2000)]);
-    let own = found("./own.safetensors");
-    assert_eq!(own["checkpoint"], "./own.safetensors");
+    let own = found("own.safetensors");
+    assert_eq!(own["checkpoint"], "own.safetensors");
     assert_eq!(
         [&own["map"], &own["updates"], &own["kind"]],
         [&json!("trap"), &json!(20), &json!("checkpoint")]
@@ -129,4 +129,72 @@ fn a_run_is_found_and_resumed_on_a_terminal() {
     session.wait_for("1 of 2 runs");
     session.press("q");
     assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
+    use crate::support::Session;
+    use std::io::Write;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut train = program_in(folder.path());
+    train.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1"]).args(SMALL);
+    let done = ran({
+        train.args(["--save", "own.safetensors"]);
+        train
+    });
+    // As if it went on.
+    let records: String = done
+        .out
+        .lines()
+        .filter(|line| !line.contains("\"end\""))
+        .map(|line| format!("{line}\n"))
+        .collect();
+    std::fs::write(path("own.jsonl"), records).unwrap();
+    let checkpoint = std::fs::read(path("own.safetensors")).unwrap();
+    let mut session = Session::start(folder.path(), &["watch", "own.jsonl"]);
+    session.wait_for("watching own.safetensors");
+    for key in [" ", "s", "o", "e"] {
+        session.press(key);
+        session.wait_for("another program trains this run: t trains a copy");
+    }
+    let progress = json!({"event": "progress", "seconds": 2.0, "updates": 7777, "env_steps": 9,
+        "episodes": 0, "updates_per_second": 1.0, "left": 4000.0, "losses": {}});
+    let mut file = std::fs::File::options().append(true).open(path("own.jsonl")).unwrap();
+    writeln!(file, "{progress}").unwrap();
+    session.wait_for("7,777");
+    session.wait_for("1:06:");
+    std::fs::write(path("own.safetensors"), &checkpoint[..999]).unwrap();
+    session.wait_for("not loaded: own.safetensors is damaged");
+    session.wait_for("cannot be read");
+    std::fs::remove_file(path("own.safetensors")).unwrap();
+    session.wait_for("file is gone");
+    std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
+    session.wait_for("just now");
+    session.press("t");
+    session.wait_for("train a copy, saved as");
+    session.press("\u{15}own.safetensors\r");
+    session.wait_for("saved saves/own.safetensors at update 20");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    assert_eq!(std::fs::read(path("own.safetensors")).unwrap(), checkpoint);
+    // A job of an experiment that goes on.
+    std::fs::create_dir(path("jobs")).unwrap();
+    std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
+    for (held, state) in [(true, "\"running\""), (false, "\"saved\"")] {
+        if held {
+            std::fs::write(path("jobs/job.lock"), "").unwrap();
+        } else {
+            std::fs::remove_file(path("jobs/job.lock")).unwrap();
+        }
+        let mut command = program_in(folder.path());
+        command.args(["runs", "--json"]);
+        let out = ran(command).out;
+        let job = out.lines().find(|line| line.contains("jobs/job")).unwrap();
+        assert!(job.contains(state), "{job}");
+    }
+    let mut command = program_in(folder.path());
+    command.args(["watch", "none.jsonl"]);
+    let done = ran(command);
+    assert_eq!(done.status, Some(2), "{}", done.err);
 }

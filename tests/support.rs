@@ -74,7 +74,7 @@ impl Session {
     ) -> Self {
         command.args(args);
         // A checkpoint carries its own settings, the tour has always the same, and others none.
-        let has_none = matches!(args.first(), Some(&("tour" | "runs" | "check")));
+        let has_none = matches!(args.first(), Some(&("tour" | "runs" | "watch" | "check")));
         if !args.contains(&"--resume") && !has_none {
             command.args(SMALL);
         }

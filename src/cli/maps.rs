@@ -77,7 +77,6 @@ fn kinds() -> impl TypedValueParser<Value = RandomMapKind> {
     })
 }
 
-/// Returns the parser of a format's name.
 fn formats() -> impl TypedValueParser<Value = &'static MapFormat> {
     let name = |format: &MapFormat| PossibleValue::new(format.name).help(format.about);
     PossibleValuesParser::new(FORMATS.iter().map(name).collect::<Vec<_>>()).try_map(|name| {
@@ -85,7 +84,6 @@ fn formats() -> impl TypedValueParser<Value = &'static MapFormat> {
     })
 }
 
-/// Returns the list of formats.
 fn formats_help() -> String {
     let line = |format: &MapFormat| {
         let endings: Vec<String> = format.endings.iter().map(|end| format!(".{end}")).collect();

@@ -6,7 +6,6 @@ use clap::Args;
 use log::LevelFilter;
 
 use crate::setup::find_maps::MapArgs;
-use crate::setup::saves::SAVES;
 use crate::setup::values::{log_levels, parse_threads};
 use crate::tui::{ComparisonOptions, InterfaceOptions};
 use gdg::learn::Threads;
@@ -46,14 +45,15 @@ pub struct TourArgs {
 
 const RUNS_EXAMPLES: &str = "\
 Examples:
-  gdg-tui runs                               all in saves/, experiments too
+  gdg-tui runs                               all in this folder and below
   gdg-tui runs saves/suite records/          of an experiment, and records
   gdg-tui runs --json | jq -r 'select(.success >= 0.9) | .file'
 
 On a terminal, a screen: / filters by words, s sorts, Space marks runs, whose curves and \
-settings are then shown together, also while they grow; Enter resumes, c compares (q leads back \
-to the list), Delete deletes; ? lists all keys. Elsewhere, a table. --json writes one \
-JSON object per run and line, of checkpoints, results and records alike.
+settings are then shown together, also while they grow; Enter resumes, or watches what another \
+program trains, c compares (q leads back to the list), Delete deletes; ? lists all keys. \
+Elsewhere, a table. --json writes one JSON object per run and line, of checkpoints, results and \
+records alike.
 
 Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
 
@@ -61,12 +61,34 @@ Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
 #[command(after_help = RUNS_EXAMPLES)]
 pub struct RunsArgs {
     /// Folders of checkpoints, of records, or of gdg-tui suite or reproduce
-    #[arg(default_value = SAVES, value_name = "FOLDER")]
+    #[arg(default_value = ".", value_name = "FOLDER")]
     pub folders: Vec<PathBuf>,
 
     /// Print one JSON object per run
     #[arg(long)]
     pub json: bool,
+
+    #[command(flatten)]
+    pub screen: ScreenArgs,
+}
+
+const WATCH_EXAMPLES: &str = "\
+Examples:
+  gdg-tui watch                              the run here that was written last
+  gdg-tui watch runs/a.safetensors           as its checkpoint has it
+  gdg-tui watch runs/a.jsonl                 by its records
+
+Map, D and plan follow its checkpoint (--save-every MINUTES), curves and time left its records. \
+Nothing is written or locked: it works from any machine that shares the folder. t trains a copy.
+
+Exit status: as of gdg-tui tour.";
+
+#[derive(Debug, Args)]
+#[command(after_help = WATCH_EXAMPLES)]
+pub struct WatchArgs {
+    /// Checkpoint of the run, or its records, or a folder with either
+    #[arg(default_value = ".", value_name = "FILE")]
+    pub file: PathBuf,
 
     #[command(flatten)]
     pub screen: ScreenArgs,

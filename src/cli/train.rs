@@ -111,6 +111,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 
+    /// Whether what is resumed becomes a run of this program, not one that it watches.
+    #[arg(skip = true)]
+    pub is_copy: bool,
+
     #[command(flatten)]
     pub interface: InterfaceOptions,
 
@@ -132,7 +136,6 @@ pub struct TrainArgs {
 }
 
 impl TrainArgs {
-    /// Returns the map or world to train on.
     pub fn map(&self) -> &Path {
         self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
     }
@@ -143,7 +146,6 @@ impl TrainArgs {
         self.reading.only_for_maps(resumed.unwrap_or(self.map()))
     }
 
-    /// Returns the options of a run without the interface.
     pub fn headless(&self) -> HeadlessOptions {
         HeadlessOptions {
             eval_every_updates: self.eval_every_updates,
@@ -180,7 +182,6 @@ pub struct GymArgs {
 }
 
 impl GymArgs {
-    /// Returns the options that were given.
     pub fn given(&self) -> Vec<&'static str> {
         given([
             (self.python.is_some(), "--python"),

@@ -48,7 +48,6 @@ pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Repor
     })
 }
 
-/// Writes the policy of a checkpoint.
 pub fn policy(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(&args.export, ".policy.safetensors", registry, |trainer| {
         let writing = Waiting::on("writing the policy");

@@ -16,7 +16,6 @@ use gdg::printing::eprint_line;
 use gdg::text::sanitized;
 use gdg::train::Registry;
 
-/// Returns the table of built-in maps.
 fn list() -> String {
     let measuring = Waiting::on("measuring the maps");
     measuring.begin(0, 1);
@@ -74,7 +73,6 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
     files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
 }
 
-/// Returns a map with the starts and goals of tasks beside its own.
 fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {
     let (starts, goals): (Vec<_>, Vec<_>) =
         tasks.into_iter().map(|task| (task.start, task.goal)).unzip();

@@ -90,7 +90,7 @@ pub fn prepare(
         ));
     }
     let mut warnings = Vec::from_iter(warning);
-    if let Some(path) = resumed.as_deref().filter(|path| files::is_in_use(path)) {
+    if let Some(path) = resumed.as_deref().filter(|path| args.is_copy && files::is_in_use(path)) {
         let file = sanitized(&path.to_string_lossy());
         warnings.push(format!(
             "{file}: another program still trains this run: this is a copy, as last saved, and is \

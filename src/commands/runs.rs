@@ -1,18 +1,22 @@
-//! `gdg-tui runs`: lists saved runs, as a table or on the screen.
+//! `gdg-tui runs` lists saved runs, as a table or on the screen; `gdg-tui watch` shows one that another
+//! program trains.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic, miette};
+use miette::{IntoDiagnostic, Report, miette};
 
-use super::train::{obstacle, registry_for};
+use super::train::{obstacle, on_screen, registry_for};
 use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print, print_safely};
-use crate::cli::{Cli, RunsArgs, TrainArgs};
-use crate::experiment::saved_runs::{RunReader, SavedRun, table};
+use crate::cli::{Cli, RunsArgs, ScreenArgs, TrainArgs, WatchArgs};
+use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
-use crate::setup::saves::SAVES;
-use crate::tui::{self, ComparisonOptions, Contender, Opened, Opener, RunsScreen};
+use crate::setup::saves::is_named_like_one;
+use crate::tui::{
+    self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
+    TrainedElsewhere, Wish,
+};
 use gdg::learn::Threads;
 use gdg::map::Reading;
 use gdg::printing::eprint_line;
@@ -21,7 +25,7 @@ use gdg::train::Registry;
 
 /// Shows the runs of folders: on a terminal as a screen, otherwise as a table or as JSON.
 pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    for folder in args.folders.iter().filter(|folder| !is_missing_default(folder)) {
+    for folder in &args.folders {
         let unreadable = |error| {
             let help = "give folders of checkpoints, of records, or of gdg-tui suite";
             miette!(help = help, "{}: cannot be read: {error}", folder.display())
@@ -39,15 +43,7 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     if !runs.is_empty() {
         return print_safely(&table(runs));
     }
-    if args.folders.iter().all(|folder| is_missing_default(folder)) {
-        return print("no saved runs yet: train with --save FILE, or press s in the interface\n");
-    }
-    print("no runs here\n")
-}
-
-/// Whether a folder is the usual one, which the first run that is saved creates.
-fn is_missing_default(folder: &Path) -> bool {
-    folder.as_os_str() == SAVES && !folder.exists()
+    print("no saved runs yet: train with --save FILE, or press s in the interface\n")
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
@@ -66,7 +62,7 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
 /// Shows the list, and what is opened in it, in turns.
 fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     crate::process::logging::start(args.screen.log_level);
-    let opener = opener(args, registry)?;
+    let opener = opener(&args.screen, registry)?;
     let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
     let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;
     let (mut status, mut notice) = (0, String::new());
@@ -74,12 +70,8 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
         interface.notice = None;
         let (left, opened, signalled) = list.show(&mut interface, &notice).map_err(failure)?;
         interface.notice = Some("q leads back to the list of runs");
-        let ended = match opened {
-            None => return Ok(status.max(signalled)),
-            Some(Opened::Run(setup)) => tui::run(*setup, &mut interface),
-            Some(Opened::Comparison(both)) => tui::compare(*both, &mut interface),
-        };
-        let (ended, files) = ended.map_err(failure)?;
+        let Some(opened) = opened else { return Ok(status.max(signalled)) };
+        let (ended, files) = shown(opened, &mut interface).map_err(failure)?;
         if let Some(signalled) = interface.ended() {
             return Ok(signalled);
         }
@@ -87,19 +79,58 @@ fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     }
 }
 
+pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
+    let open = opener(&args.screen, registry)?;
+    let find = || open(to_watch(&args.file)?, &Waiting::on("opening the run"));
+    let refusal = ["a run", "gdg-tui runs lists runs without one"];
+    on_screen(&args.screen, refusal, find, shown)
+}
+
+/// Returns the wish to watch the run that a file is of, its checkpoint or its records; of a folder,
+/// the one that was written last, preferably one that goes on.
+fn to_watch(given: &Path) -> Result<Wish, Report> {
+    let file = Some(whole(given)).filter(|_| !given.is_dir());
+    let beside = file.as_deref().and_then(Path::parent);
+    let is_meant = |run: &&Arc<SavedRun>| {
+        let mut own = [&run.source].into_iter().chain(&run.others).chain(&run.checkpoint);
+        file.as_ref().is_none_or(|file| own.any(|own| whole(own) == *file))
+    };
+    let runs =
+        read(&[Some(given), beside].into_iter().flatten().map(Path::to_owned).collect::<Vec<_>>());
+    let last = |(run, _): &(&Arc<SavedRun>, _)| (run.state() == RunState::Running, run.written);
+    let kept = runs.iter().filter(is_meant).filter_map(|run| Some((run, run.kept()?)));
+    let found = kept.max_by_key(last).map(|(run, kept)| (kept, run.source.clone()));
+    let own = || (given.to_owned(), given.to_owned());
+    let (file, records) =
+        found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
+            let help = "a run is seen as its checkpoint has it: train with --save FILE";
+            miette!(help = help, "{}: no run with a checkpoint yet", given.display())
+        })?;
+    Ok(Wish { file, beside: None, warning: None, watches: Some(records) })
+}
+
+fn shown(opened: Opened, interface: &mut PreparedInterface) -> Result<(u8, String), Report> {
+    match opened {
+        Opened::Run(setup, elsewhere) => tui::run(*setup, elsewhere, interface),
+        Opened::Comparison(both) => tui::compare(*both, interface),
+    }
+}
+
 /// Returns what opens runs, as the commands that show one or two of them do.
-fn opener(args: &RunsArgs, registry: &Arc<Registry>) -> Result<Opener, CommandFailure> {
+fn opener(screen: &ScreenArgs, registry: &Arc<Registry>) -> Result<Opener, CommandFailure> {
     use clap::Parser;
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().map_err(failure)?.train;
-    train.log_level = args.screen.log_level;
+    train.log_level = screen.log_level;
     let registry = registry_for(&train, registry);
     Ok(Arc::new(move |wish, progress| match wish.beside {
         None => {
-            let resume = Some(Some(wish.file));
-            let args = TrainArgs { resume, ..train.clone() };
+            let look = |records| TrainedElsewhere::look(wish.file.clone(), records);
+            let elsewhere = wish.watches.map(look).transpose().into_diagnostic()?;
+            let is_copy = elsewhere.is_none();
+            let args = TrainArgs { resume: Some(Some(wish.file)), is_copy, ..train.clone() };
             let mut setup = prepare::prepare(&args, &registry, progress)?;
             setup.warnings.extend(wish.warning);
-            Ok(Opened::Run(Box::new(setup)))
+            Ok(Opened::Run(Box::new(setup), elsewhere))
         }
         Some(other) => {
             let options = ComparisonOptions {

@@ -47,7 +47,7 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return headless::run(setup, &args.headless()).map_err(failure);
     }
     let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
-    Ok(tui::run(setup, &mut interface).map_err(failure)?.0)
+    Ok(tui::run(setup, None, &mut interface).map_err(failure)?.0)
 }
 
 /// Returns the registry with what is given of environments in Python and recorded data.
@@ -79,7 +79,7 @@ pub fn obstacle() -> Option<String> {
 }
 
 /// Prepares and shows what needs a terminal: `what` is said without one, and what works instead.
-fn watch<T>(
+pub fn on_screen<T>(
     args: &ScreenArgs,
     [what, instead]: [&str; 2],
     prepare: impl FnOnce() -> Result<T, Report>,
@@ -95,18 +95,16 @@ fn watch<T>(
     Ok(show(prepared, &mut interface).map_err(failure)?.0)
 }
 
-/// Shows the guided tour.
 pub fn tour(args: &TourArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let refusal = ["a tour", "gdg-tui --no-ui trains without one"];
-    watch(&args.screen, refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
+    on_screen(&args.screen, refusal, || tui::prepare_tour(args.threads, registry), tui::take_tour)
 }
 
-/// Shows two methods side by side.
 pub fn compare(args: &CompareArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let instead = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
     let prepare = || {
         let opening = Waiting::on("opening both runs");
         tui::prepare_comparison(&args.options, &(&args.reading).into(), registry, &opening)
     };
-    watch(&args.screen, ["a comparison", instead], prepare, tui::compare)
+    on_screen(&args.screen, ["a comparison", instead], prepare, tui::compare)
 }

@@ -73,7 +73,6 @@ pub struct Jobs<'a> {
 }
 
 impl JobOptions {
-    /// Returns the folder of a command.
     pub fn folder(&self, command: &str) -> Folder {
         Folder(self.out.clone().unwrap_or_else(|| Path::new(SAVES).join(command)))
     }
@@ -364,7 +363,6 @@ impl Runner<'_> {
         Ok(End::Done)
     }
 
-    /// Resumes the job from its checkpoint; begins it if there is none.
     fn resume_or_begin(&self, i: usize) -> Result<Trainer, Report> {
         let job = self.open[i];
         let (own, length) = (self.all.folder.checkpoint(job), job.plan.length);
@@ -435,7 +433,6 @@ impl Runner<'_> {
         }
     }
 
-    /// Evaluates the present state; returns whether no signal arrived.
     fn evaluate(&self, i: usize, trainer: &mut Trainer) -> Result<bool, Report> {
         let plan = &self.open[i].plan;
         let (amount, unit) = (plan.length.amount(), plan.length.unit());

@@ -104,7 +104,6 @@ impl JobPlan {
         marks
     }
 
-    /// Returns when to evaluate, and when to end.
     pub fn schedule(&self) -> (EvaluateAt, Limits) {
         let (marks, none) = (self.marks(), Limits::default());
         match self.length {

@@ -9,6 +9,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report, miette};
 use serde::Serialize;
 
+use super::folder::Folder;
 use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet, table_behind};
@@ -86,9 +87,8 @@ fn parse_width(text: &str) -> Result<f32, String> {
         _ => text.strip_suffix("mm").unwrap_or(text).trim().parse::<f32>(),
     };
     let fitting = millimetres.ok().filter(|width| (40.0..=1000.0).contains(width));
-    fitting.map(|width| width * MILLIMETRE).ok_or_else(|| {
-        "expected column, page, or a number of millimetres from 40 to 1000".to_owned()
-    })
+    let wanted = "expected column, page, or a number of millimetres from 40 to 1000";
+    fitting.map(|width| width * MILLIMETRE).ok_or(wanted.to_owned())
 }
 
 /// What runs differ in.
@@ -125,7 +125,6 @@ pub enum Axis {
     Seconds,
 }
 
-/// Returns the next of all values of an option.
 fn next<T: ValueEnum + PartialEq + Copy>(now: T) -> T {
     let mut all = T::value_variants().iter().cycle().skip_while(|value| **value != now);
     all.nth(1).copied().unwrap_or(now)
@@ -270,9 +269,8 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
-    let figures =
-        formats.into_iter().map(|format| format.encode_with_table(&drawn.sheet, &drawn.table));
-    let figures = figures.collect::<Result<Vec<_>, _>>()?;
+    let encode = |format: FigureFormat| format.encode_with_table(&drawn.sheet, &drawn.table);
+    let figures = formats.into_iter().map(encode).collect::<Result<Vec<_>, _>>()?;
     drop(drawing);
     notes.extend(drawn.notes);
     notes.iter().for_each(|note| eprint_line(note));
@@ -286,14 +284,35 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
 
 /// Rejects figures that are there but not as this program has made them, and a table that is none
 /// behind a figure beside it.
-pub fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(), Report> {
+fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(), Report> {
     let behind = |figure: &Path| table_behind(&read(figure, MOST_BYTES).ok()?);
     for path in figures {
         refuse_existing(path, overwrite || behind(path).is_some())?;
     }
     let found = read(table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
-    let beside = FigureFormat::ALL.map(|format| behind(&table.with_extension(format.extension())));
-    refuse_existing(table, overwrite || found.is_some() && beside.contains(&found))
+    let beside = FigureFormat::ALL.map(|format| table.with_extension(format.extension()));
+    let mut known = beside.iter().chain(figures).map(|figure| behind(figure));
+    refuse_existing(table, overwrite || found.is_some() && known.any(|known| known == found))
+}
+
+/// Writes figures and the table behind them to the folder of an experiment. If somebody has edited one
+/// of these, all are left as they are, which is said.
+pub fn write_unless_edited(
+    folder: &Folder,
+    figures: &[String],
+    table: (&str, &[u8]),
+    sheet: &Sheet,
+) -> Result<(), Report> {
+    let paths: Vec<PathBuf> = figures.iter().map(|name| folder.path(name)).collect();
+    if let Err(problem) = refuse_edited(&paths, &folder.path(table.0), false) {
+        eprint_line(&format!("{problem}, edited: figure and table are left as they are"));
+        return Ok(());
+    }
+    for name in figures {
+        let format = FigureFormat::of(Path::new(name)).unwrap_or(FigureFormat::Svg);
+        folder.write(name, &format.encode_with_table(sheet, table.1)?)?;
+    }
+    folder.write(table.0, table.1)
 }
 
 fn beside(path: &Path, name: &str) -> PathBuf {

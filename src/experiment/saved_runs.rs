@@ -24,10 +24,14 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
+pub use read_records::{Progress, whole};
 pub use reader::{FoundRuns, RunReader};
 
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
+
+/// Jobs save more often than this.
+const MOST_BETWEEN_SAVES: Duration = Duration::from_mins(15);
 
 const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
                     checkpoint, or the records of gdg-tui --no-ui in a file";
@@ -70,6 +74,7 @@ pub struct SavedRun {
     /// The checkpoint that they go on from, if they say so.
     pub resumed: Option<PathBuf>,
     pub updates: u64,
+    pub progress: Progress,
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
@@ -159,6 +164,12 @@ impl SavedRun {
         })
     }
 
+    /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.
+    pub fn kept(&self) -> Option<PathBuf> {
+        let beside = Some(self.source.with_extension("safetensors"));
+        [self.checkpoint.clone(), beside].into_iter().flatten().find(|path| path.is_file())
+    }
+
     /// Returns what of it is left out, for a line of its own.
     pub fn note(&self) -> Option<String> {
         let (source, problem) = (self.source.display().to_string(), self.problem.as_ref()?);
@@ -189,7 +200,6 @@ impl SavedRun {
         value(&self.evaluations.last()?.evaluation)
     }
 
-    /// Returns it as an object of JSON.
     pub fn json(&self) -> Value {
         let setting = |text: &String| {
             let (name, value) = text.split_once('=')?;
@@ -276,7 +286,6 @@ fn greedy(run: &SavedRun) -> Option<f64> {
     run.of_last(|last| last.greedy.success)
 }
 
-/// A file's name, safe to show.
 pub fn name(file: &Path) -> String {
     sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
 }
@@ -407,6 +416,14 @@ fn unreadable(path: &Path, error: &std::io::Error) -> Report {
     miette!(help = HELP, "{}: cannot be read: {error}", path.display())
 }
 
+/// Whether a checkpoint is of a job that runs: its process holds a file beside it, which one that was
+/// killed leaves behind, and saves every few minutes.
+fn is_job_running(path: &Path) -> bool {
+    let written = path.metadata().and_then(|found| found.modified()).ok();
+    let age = written.and_then(|at| at.elapsed().ok()).unwrap_or_default();
+    path.with_extension("lock").is_file() && age < MOST_BETWEEN_SAVES
+}
+
 fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     let (found, history) = read_history(path).map_err(from_checkpoint_error)?;
     let changed = found.run.changed_settings();
@@ -424,7 +441,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: RunKind::Checkpoint,
-        end: Some(RunState::Saved),
+        end: Some(if is_job_running(path) { RunState::Running } else { RunState::Saved }),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
         edits,

@@ -14,7 +14,6 @@ use super::report::{CURVES, JobRow, report, rows, table};
 use super::saved_runs::SavedRun;
 use super::spec::{JobResult, JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
-use crate::figure::FigureFormat;
 use crate::process::errors::from_map_error;
 use crate::process::waiting::Waiting;
 use crate::setup::find_maps::{MapArgs, find_map, known_name, warn, warnings};
@@ -168,7 +167,6 @@ fn known_worlds(name: &Path, options: &SuiteOptions, registry: &Registry) -> Opt
     })
 }
 
-/// Returns the updates that suites train for on a map.
 fn usual_updates(map: &Grid) -> u64 {
     let fitting = BUDGETS.iter().find(|(cells, _)| map.free_count() <= *cells);
     fitting.map_or(LARGEST_BUDGET, |(_, updates)| *updates)
@@ -237,12 +235,10 @@ impl Suite<'_> {
     fn draw_curves(&self, rows: &[JobRow]) -> Result<Option<String>, Report> {
         let folder = &self.jobs.folder;
         let results = rows.iter().flat_map(|row| &row.results);
-        let run = |result: &JobResult| {
-            let file = folder.path(&format!("jobs/{}.json", result.name));
-            SavedRun::of_result(result.clone(), file)
-        };
-        let evaluated = results.filter(|result| !result.evaluations.is_empty());
-        let runs: Vec<SavedRun> = evaluated.map(run).collect();
+        let file = |result: &JobResult| folder.path(&format!("jobs/{}.json", result.name));
+        let run = |result: &JobResult| SavedRun::of_result(result.clone(), file(result));
+        let done = results.filter(|result| !result.evaluations.is_empty());
+        let runs: Vec<SavedRun> = done.map(run).collect();
         if runs.is_empty() {
             return Ok(None);
         }
@@ -250,13 +246,7 @@ impl Suite<'_> {
         let options = plot::PlotOptions { by, width: PAGE, ..plot::PlotOptions::default() };
         let DrawnPlot { sheet, table, caption, notes } = plot::draw(&runs, &options)?;
         notes.iter().for_each(|note| eprint_line(note));
-        let [curves, behind] = [CURVES, "success.csv"].map(|name| folder.path(name));
-        if let Err(problem) = plot::refuse_edited(&[curves], &behind, false) {
-            eprint_line(&format!("{problem}, edited: curves and table are left as they are"));
-        } else {
-            folder.write(CURVES, &FigureFormat::Svg.encode_with_table(&sheet, &table)?)?;
-            folder.write("success.csv", &table)?;
-        }
+        plot::write_unless_edited(folder, &[CURVES.into()], ("success.csv", &table), &sheet)?;
         Ok(Some(caption))
     }
 }
@@ -270,7 +260,6 @@ mod tests {
     use super::super::spec::EvaluationAt;
     use super::*;
 
-    /// Returns the jobs of a command that writes to `out`.
     fn jobs(out: &Path, args: &str) -> Vec<JobSpec> {
         let line = ["suite", "--out", out.to_str().expect("text")];
         let args = args.replace("OUT", line[2]);

@@ -180,7 +180,6 @@ impl Record {
     }
 }
 
-/// Rounds times and rates to three decimals.
 fn round(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0
 }

@@ -111,7 +111,6 @@ impl TerminationSignal {
         Ok(termination)
     }
 
-    /// Returns the number of the first signal received, if any.
     pub fn number(&self) -> Option<i32> {
         Some(self.number.load(Ordering::Relaxed)).filter(|number| *number != 0)
     }
@@ -121,7 +120,6 @@ impl TerminationSignal {
         self.number().map(|number| 128 + number as u8)
     }
 
-    /// Returns the job that stops trainers on a signal.
     pub fn job(&self) -> &Job {
         &self.job
     }

@@ -56,7 +56,6 @@ impl MapArgs {
     }
 }
 
-/// Returns the options that were given.
 pub fn given<const N: usize>(all: [(bool, &'static str); N]) -> Vec<&'static str> {
     all.into_iter().filter(|(given, _)| *given).map(|(_, option)| option).collect()
 }

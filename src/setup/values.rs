@@ -49,7 +49,6 @@ pub struct EditAt {
     pub file: PathBuf,
 }
 
-/// Returns the parser of `UPDATES:FILE`.
 pub fn edits() -> impl TypedValueParser<Value = EditAt> {
     OsStringValueParser::new().try_map(|text| parse_edit_at(&text))
 }
@@ -75,12 +74,10 @@ pub fn reals(
     }
 }
 
-/// Returns the parser of a share of a whole.
 pub fn shares() -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync + 'static {
     reals(0.0..=1.0, "a fraction from 0 to 1, e.g. 0.95")
 }
 
-/// Parses how many threads share an update.
 pub fn parse_threads(text: &str) -> Result<Threads, String> {
     if text == "auto" {
         return Ok(Threads::auto());
@@ -149,7 +146,6 @@ pub fn log_levels() -> impl TypedValueParser<Value = LevelFilter> {
     PossibleValuesParser::new(levels).map(|level| level.parse().unwrap_or(LevelFilter::Info))
 }
 
-/// Returns the parser of presets.
 pub fn preset_parser() -> impl TypedValueParser<Value = Preset> {
     let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
     PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))

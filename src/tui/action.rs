@@ -14,7 +14,6 @@ pub enum Action {
     StepEpisode,
     Slower,
     Faster,
-    Freeze,
     Evaluate,
     NewSeed,
     Settings,
@@ -55,6 +54,7 @@ pub enum Action {
     OpenMap,
     Save,
     SaveAs,
+    TrainCopy,
     Load,
     Export,
     NextTourStep,
@@ -93,6 +93,8 @@ pub enum Mode {
     Editing,
     /// During the tour: the keys added to those of [`Self::Watching`].
     Touring,
+    /// The same while another program trains the run.
+    Elsewhere,
     Comparing,
     EditingBoth,
     /// In a list of runs.
@@ -100,10 +102,11 @@ pub enum Mode {
 }
 
 impl Mode {
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 7] = [
         Self::Watching,
         Self::Editing,
         Self::Touring,
+        Self::Elsewhere,
         Self::Comparing,
         Self::EditingBoth,
         Self::Listing,
@@ -158,7 +161,6 @@ pub fn binding_of(action: Action) -> Option<&'static Binding> {
 }
 
 impl Binding {
-    /// Returns whether its keys are active in `mode`.
     pub fn is_active(&self, mode: Mode) -> bool {
         match (mode, self.when) {
             (Mode::Watching | Mode::Editing, None) | (Mode::EditingBoth, Some(Mode::Comparing)) => {
@@ -177,6 +179,7 @@ impl Binding {
         match self.when {
             Some(Mode::Editing) => " (in the editor)",
             Some(Mode::Touring) => " (in the tour)",
+            Some(Mode::Elsewhere) => " (gdg-tui watch)",
             _ => "",
         }
     }

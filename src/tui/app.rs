@@ -210,7 +210,6 @@ impl Interface for App {
             Event::Key(key) if !key.is_release() => self.on_key(*key),
             _ => {}
         }
-        self.sessions_mut().iter_mut().for_each(Session::thaw);
     }
 
     fn on_tick(&mut self) -> bool {

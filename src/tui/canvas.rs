@@ -132,7 +132,6 @@ impl Canvas {
         if self.is_fine { 1.0 } else { down as f32 / (2 * across) as f32 }
     }
 
-    /// Converts a length in the raster's unit to characters' heights.
     pub fn heights(&self, length: f32) -> f32 {
         length * self.raster.pixels.1 as f32 / self.raster.window[3] / self.unit()
     }

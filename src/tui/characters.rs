@@ -26,7 +26,6 @@ pub const QUADRANTS: [char; 16] = [
 ];
 
 impl Canvas {
-    /// Writes all pixels as characters.
     pub fn paint(&mut self, buffer: &mut Buffer, theme: &Theme) {
         self.changed.clear();
         for row in 0..self.frame.area.height {

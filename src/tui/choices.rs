@@ -56,7 +56,6 @@ pub enum Overlay {
 }
 
 impl Overlay {
-    /// All overlays.
     pub const ALL: [Self; 8] = [
         Self::Contours,
         Self::Unexplored,
@@ -100,7 +99,6 @@ impl Overlays {
         self.0[overlay as usize]
     }
 
-    /// Shows or hides `overlay`; returns whether it is now shown.
     pub fn toggle(&mut self, overlay: Overlay) -> bool {
         self.0[overlay as usize] = !self.0[overlay as usize];
         self.0[overlay as usize]
@@ -178,7 +176,6 @@ pub enum Tool {
 }
 
 impl Tool {
-    /// All tools, in the order of their keys.
     pub const ALL: [Self; 7] = [
         Self::Pencil,
         Self::Eraser,
@@ -228,7 +225,6 @@ impl ExportKind {
     pub const ALL: [Self; 5] =
         [Self::MapPng, Self::MapSvg, Self::CurvesSvg, Self::CurvesPdf, Self::CurvesCsv];
 
-    /// Those that show a part of the screen.
     pub const PICTURES: [Self; 2] = [Self::MapPng, Self::MapSvg];
 
     /// Returns the name shown on the screen, where the scene is called `noun`.

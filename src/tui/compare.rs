@@ -38,7 +38,6 @@ use gdg::train::Limits;
 use gdg::viewer::{Field, OnArrival, View, Viewer};
 use race::Race;
 
-/// The names of the sides.
 pub const LETTERS: [char; 2] = ['A', 'B'];
 
 /// The pause after an evaluation, as a multiple of its duration.
@@ -181,7 +180,7 @@ impl Comparison {
         self.follow(own, &view);
     }
 
-    /// Processes what the viewer of a side has published, even if the screen is frozen; the same
+    /// Processes what the viewer of a side has published; the same
     /// distance has the same colour on both sides.
     pub fn follow(&mut self, own: usize, view: &View) {
         self.race.observe(own, view);
@@ -230,7 +229,6 @@ impl Comparison {
 
 /// What actions and the mouse do: the same on both sides.
 impl Comparison {
-    /// Performs an action, or says why comparisons do not have it.
     pub fn perform(&mut self, binding: &Binding) {
         match binding.both {
             Both::Each => self.both(binding.action),
@@ -283,7 +281,6 @@ impl Comparison {
         self.goal_from(0);
     }
 
-    /// Moves the goal, or the cursor, or puts the goal at the cursor.
     pub fn move_goal(&mut self, action: Action) {
         if self.is_editing() {
             return self.edit(action);
@@ -328,7 +325,6 @@ impl Comparison {
         if self.is_editing() { self.edit(action) } else { self.both(action) }
     }
 
-    /// Quits; asks first if the map has been drawn and is in no file.
     pub fn quit(&mut self, _: Action) {
         if self.sessions.iter().all(|session| session.scene.has_unsaved_map()) {
             self.sessions[0].open(lists::quit_comparison());

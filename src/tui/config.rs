@@ -71,7 +71,6 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Report> {
         .map_err(|own| CONFIGURATION.mismatch(&path).map_or(own, instead))
 }
 
-/// Parses the text of a configuration file called `name`.
 pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Report> {
     let hint = "--print-config-template prints all options";
     let config: UiConfig =

@@ -15,7 +15,6 @@ use gdg::text::display_width;
 use gdg::train::{Method, Preset, Run};
 use gdg::viewer::Field;
 
-/// The longest answer accepted, in characters.
 const MAX_CHARACTERS: usize = 500;
 
 #[derive(Debug)]

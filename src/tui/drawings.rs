@@ -197,7 +197,6 @@ fn colours(cell: &Cell, page: (Rgb, Rgb)) -> (Rgb, Rgb) {
     (front, back)
 }
 
-/// Width of the figure.
 const FIGURE_WIDTH: f32 = 130.0 * MILLIMETRE;
 
 /// A curve's name and its points: updates done by a learner, and values.

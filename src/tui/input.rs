@@ -99,13 +99,11 @@ impl InputStream {
         self.inputs.recv().await.ok_or_else(|| std::io::Error::other("the terminal is gone"))
     }
 
-    /// Returns the next input if it has been read already.
     pub fn read_already(&mut self) -> Option<Input> {
         self.inputs.try_recv().ok()
     }
 }
 
-/// Reads until the terminal is gone or the receiver is dropped.
 fn read_all(
     terminal: &File,
     stopped: &UnixStream,

@@ -29,7 +29,6 @@ pub trait Interface {
     /// Returns what the terminal is to do, and clears the request.
     fn take_terminal_request(&mut self) -> Option<TerminalRequest>;
 
-    /// Whether training runs, so that the screen changes all the time.
     fn is_training(&self) -> bool {
         false
     }
@@ -44,7 +43,6 @@ pub trait Interface {
 
     fn report(&mut self, problem: &str);
 
-    /// Returns the pictures that belong to the frame.
     fn pictures(&self) -> Vec<&TerminalPicture> {
         Vec::new()
     }

@@ -71,8 +71,9 @@ impl Keymap {
         let key = normalised(KeyCombination::from(key));
         let of =
             |mode| self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| *b);
-        // The keys of the tour take precedence; the others stay active.
-        of(mode).or_else(|| (mode == Mode::Touring).then(|| of(Mode::Watching)).flatten())
+        // Its keys take precedence; the others stay active.
+        let adds = matches!(mode, Mode::Touring | Mode::Elsewhere);
+        of(mode).or_else(|| adds.then(|| of(Mode::Watching)).flatten())
     }
 
     /// Returns the first key of `action` for display, or the key of the help, which has all actions, if it has none.

@@ -28,7 +28,6 @@ use gdg::train::{
 };
 use gdg::viewer::Field;
 
-/// Columns and rows of the empty map.
 pub const EMPTY_MAP: (usize, usize) = (40, 30);
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
@@ -37,8 +36,7 @@ const VALUE_WIDTH: usize = 12;
 /// The help: what is seen, what can be done on this screen, with its keys, the fields to show, the
 /// settings, and what the numbers mean. Typing searches it, and Enter does what is selected.
 pub fn help(screen: &Screen, scene: &Scene) -> Picker {
-    let touring = screen.tour.as_ref().map(|_| Mode::Touring);
-    let modes: Vec<Mode> = [Mode::Watching, Mode::Editing].into_iter().chain(touring).collect();
+    let modes = [Mode::Watching, Mode::Editing, scene.mode(screen)];
     let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);
@@ -48,7 +46,6 @@ pub fn help(screen: &Screen, scene: &Scene) -> Picker {
     help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
 
-/// The help of a comparison.
 pub fn help_of_comparison(
     screen: &Screen,
     scene: &Scene,
@@ -89,7 +86,6 @@ fn help_in(
     Picker::new("help", actions.chain(more).chain(numbers).chain(folder).collect()).explaining(text)
 }
 
-/// The help of lists of runs.
 pub fn help_of_lists(keymap: &Keymap) -> Picker {
     let listed = |when| {
         let is_listed = move |b: &&Binding| b.is_active(Mode::Listing) && b.when == when;

@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use gdg::train::{LogEntry, MAX_LOG_ENTRIES};
 
-/// How long a notice and an error are shown.
 const NOTICE_DURATION: Duration = Duration::from_secs(6);
 const ERROR_DURATION: Duration = Duration::from_secs(10);
 
@@ -70,7 +69,6 @@ impl Log {
         self.notice.take_if(|_| !self.is_error);
     }
 
-    /// Dismisses a notice or an error shown before `moment`.
     pub fn dismiss_before(&mut self, moment: Instant) {
         self.notice.take_if(|(since, _)| *since < moment);
     }

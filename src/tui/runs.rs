@@ -38,6 +38,7 @@ use super::lists;
 use super::log::Log;
 use super::screen::PATIENCE;
 use super::session::answer::Reply;
+use super::session::elsewhere::TrainedElsewhere;
 use super::theme::{ColourDepth, Theme};
 use crate::experiment::plot::{Axis, Measure};
 use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
@@ -51,22 +52,24 @@ use list_view::ClickAreas;
 const PAUSE: Duration = Duration::from_secs(2);
 const PAUSE_FACTOR: u32 = 10;
 
-/// How often what has been read so far is shown.
 const SHOW_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Rows that the wheel moves the selection by.
 const WHEEL: isize = 3;
 
-/// What the user wishes to see instead of the list: a run, resumed, or two side by side.
+/// What the user wishes to see instead of the list: a run, resumed or watched, or two side by side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wish {
     pub file: PathBuf,
     pub beside: Option<PathBuf>,
     pub warning: Option<String>,
+    /// The records of a run that another program trains, which is watched; its checkpoint if there are
+    /// none.
+    pub watches: Option<PathBuf>,
 }
 
 pub enum Opened {
-    Run(Box<Setup>),
+    /// One run, perhaps trained by another program.
+    Run(Box<Setup>, Option<TrainedElsewhere>),
     Comparison(Box<Contestants>),
 }
 
@@ -212,7 +215,6 @@ fn read(reader: &mut RunReader, publish: &watch::Sender<Arc<FoundRuns>>) {
 }
 
 impl RunsScreen {
-    /// Shows the problem, if there is one.
     fn tell<T>(&mut self, done: Result<T, String>) -> Option<T> {
         done.map_err(|problem| self.log.show(&problem, true)).ok()
     }

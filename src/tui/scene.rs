@@ -43,7 +43,6 @@ pub trait SceneKind {
 
     fn offers(&self, action: Action) -> bool;
 
-    /// The description of a binding for help and palette.
     fn wording(&self, binding: &Binding) -> &'static str {
         binding.long
     }
@@ -61,6 +60,10 @@ pub trait SceneKind {
         [1.0; 2]
     }
 
+    fn is_at_wall(&self, _at: &[f32]) -> bool {
+        false
+    }
+
     fn view(&self) -> &View;
 
     fn goal(&self) -> Vec<f32>;
@@ -69,7 +72,6 @@ pub trait SceneKind {
 
     fn format_length(&self, length: f32) -> String;
 
-    /// Lines about start, place and goal of the walking agent.
     fn places(&self, [start, at, goal]: [&[f32]; 3], _screen: &Screen) -> Vec<Line<'static>> {
         vec![
             fact("from", self.format_place(start)),
@@ -160,7 +162,6 @@ impl Scene {
         }
     }
 
-    /// Switches to the kind of scene that a run has.
     pub fn enter(&mut self, snapshot: &Snapshot) {
         let stays = match self {
             Self::Maze(_) => matches!(snapshot.scene, WorldScene::Maze(_)),
@@ -198,6 +199,7 @@ impl Scene {
         match &screen.tour {
             _ if self.is_editing() => Mode::Editing,
             Some(_) => Mode::Touring,
+            None if screen.elsewhere.is_some() => Mode::Elsewhere,
             None => Mode::Watching,
         }
     }
@@ -217,7 +219,6 @@ impl Scene {
         self.maze().is_some_and(|maze| maze.editor.is_drawing())
     }
 
-    /// Returns whether the map has edits that are in no file.
     pub fn has_unsaved_map(&self) -> bool {
         self.maze().is_some_and(|maze| maze.map != maze.kept_map)
     }
@@ -232,6 +233,10 @@ impl Scene {
 
     pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
         legend::lines(&**self, screen)
+    }
+
+    pub fn both_walks(&self, screen: &Screen) -> Option<[String; 2]> {
+        legend::both_walks(&**self, screen)
     }
 
     /// Returns the lines about the walking agent, with sentences within `width` columns.

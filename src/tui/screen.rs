@@ -40,8 +40,6 @@ pub struct Screen {
     pub keymap: Keymap,
     pub theme: Theme,
     pub snapshot: Arc<Snapshot>,
-    /// The latest training state; a frozen screen shows an earlier one.
-    pub latest: Arc<Snapshot>,
     /// The names of the run's settings that differ from those of its preset.
     pub changed_settings: HashSet<String>,
     pub log: Log,
@@ -68,7 +66,6 @@ pub struct Screen {
     pub evaluating: Option<String>,
     /// Whether the map is drawn for a file, which has no keys.
     pub on_paper: bool,
-    pub frozen: bool,
     /// Minimum upper end of the colour scale, which the screens of a comparison share.
     pub least_farthest: f32,
     /// Minimum contour interval in steps, shared likewise.
@@ -79,6 +76,8 @@ pub struct Screen {
     pub past: Option<Arc<FilmFrame>>,
     /// The step of the guided tour, while it lasts.
     pub tour: Option<ShownStep>,
+    /// What the run does, and when it was saved, if another program trains it.
+    pub elsewhere: Option<[String; 2]>,
     /// The bridge search that the tour explains, instead of the latest.
     pub explained: Option<Arc<SearchOutcome>>,
     /// Whether a hint explains the screen, until a goal is set.
@@ -102,7 +101,6 @@ impl Screen {
             keymap,
             overlays: Overlays::by_default(theme.depth),
             theme,
-            latest: snapshot.clone(),
             snapshot,
             changed_settings: HashSet::new(),
             log: Log::default(),
@@ -119,12 +117,12 @@ impl Screen {
             busy: None,
             evaluating: None,
             on_paper: false,
-            frozen: false,
             least_farthest: 0.0,
             least_contour_interval: 0.0,
             banner: Some(Instant::now()),
             past: None,
             tour: None,
+            elsewhere: None,
             explained: None,
             explains: false,
             layout: ScreenLayout::default(),
@@ -157,13 +155,16 @@ impl Screen {
         &self.snapshot.run
     }
 
-    /// Returns what the trainer does instead of training, if that takes long.
     pub fn busy_with(&self) -> Option<Job> {
         self.engine.busy().filter(|job| job.since().elapsed() >= SHOWN_AFTER)
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
     pub fn command(&mut self, command: EngineCommand) -> bool {
+        if self.elsewhere.is_some() {
+            self.refuse_to_train();
+            return false;
+        }
         let sent = self.engine.send(command);
         if !sent {
             self.notify("the trainer is busy: try again");
@@ -171,6 +172,11 @@ impl Screen {
             self.say(&format!("taken: it follows, the trainer is {}", job.what()));
         }
         sent
+    }
+
+    pub fn refuse_to_train(&mut self) {
+        let key = self.keymap.key_of(Action::TrainCopy);
+        self.say(&format!("another program trains this run: {key} trains a copy"));
     }
 
     pub fn request(&self, request: Request) {
@@ -182,18 +188,15 @@ impl Screen {
         self.goal_request
     }
 
-    /// Returns to the present; returns whether the past was shown. A frozen screen is unfrozen, as
-    /// its view is gone.
+    /// Returns to the present; returns whether the past was shown.
     pub fn return_to_present(&mut self) -> bool {
         let was_past = self.past.take().is_some();
         if was_past {
             self.request(Request::Past(None));
-            self.frozen = false;
         }
         was_past
     }
 
-    /// Says why an overlay cannot be shown, if it cannot.
     pub fn why_not(&self, overlay: Overlay) -> Option<String> {
         let method = &self.run().method;
         match overlay {
@@ -216,7 +219,7 @@ impl Screen {
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.log.add(text, self.latest.seconds, self.latest.updates(), false);
+        self.log.add(text, self.snapshot.seconds, self.snapshot.updates(), false);
     }
 
     /// Shows a notice without logging it, since it concerns only the screen.
@@ -226,7 +229,7 @@ impl Screen {
 
     /// Shows an error and logs it.
     pub fn report(&mut self, text: &str) {
-        self.log.add(text, self.latest.seconds, self.latest.updates(), true);
+        self.log.add(text, self.snapshot.seconds, self.snapshot.updates(), true);
     }
 
     pub fn open(&mut self, dialog: impl Into<Dialog>) {
@@ -245,22 +248,22 @@ impl Screen {
 
     /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.
     pub fn phase(&self, applying_edit: bool) -> String {
-        if let Some(busy) = self.busy.as_ref().filter(|_| !self.frozen) {
+        if let Some(busy) = &self.busy {
             return if self.pausing { format!("pausing: {busy}") } else { busy.clone() };
         }
-        match &self.snapshot.phase {
-            _ if self.frozen => "screen frozen".to_owned(),
-            Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
-            Phase::Running if applying_edit => "applying the edit".to_owned(),
-            Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
-            Phase::Running => match self.snapshot.counters.relearning() {
+        match (&self.elsewhere, &self.snapshot.phase) {
+            (Some([state, _]), _) => state.clone(),
+            (None, Phase::Running | Phase::Stepping(_)) if self.pausing => "pausing".to_owned(),
+            (None, Phase::Running) if applying_edit => "applying the edit".to_owned(),
+            (None, Phase::Running) if !self.snapshot.learns => "random steps".to_owned(),
+            (None, Phase::Running) => match self.snapshot.counters.relearning() {
                 Some(left) => format!("relearning ({} updates to go)", grouped(left)),
                 None => "training".to_owned(),
             },
-            Phase::Stepping(_) => "stepping".to_owned(),
-            Phase::Paused => "paused".to_owned(),
-            Phase::Done => "done".to_owned(),
-            Phase::Failed(error) => format!("stopped: {error}"),
+            (None, Phase::Stepping(_)) => "stepping".to_owned(),
+            (None, Phase::Paused) => "paused".to_owned(),
+            (None, Phase::Done) => "done".to_owned(),
+            (None, Phase::Failed(error)) => format!("stopped: {error}"),
         }
     }
 
@@ -293,7 +296,6 @@ pub fn summary_of(snapshot: &Snapshot, title: &str) -> String {
     }
 }
 
-/// Returns the success in the latest evaluation.
 pub fn success_of(snapshot: &Snapshot) -> Option<SuccessSummary> {
     snapshot.evaluation().map(|(updates, e)| e.success(snapshot.learned(*updates)))
 }

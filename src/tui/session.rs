@@ -2,11 +2,12 @@
 //! the screen.
 //!
 //! What commands do with it: `watching`, `change_run`, `disk`, `saving`, `tour`. `answer`:
-//! dialogs and their answers.
+//! dialogs and their answers. `elsewhere`: a run that another program trains.
 
 pub mod answer;
 pub mod change_run;
 pub mod disk;
+pub mod elsewhere;
 pub mod saving;
 mod tour;
 pub mod watching;
@@ -32,6 +33,7 @@ use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
 use super::screen::{PATIENCE, Screen};
 use disk::ShowResult;
+use elsewhere::TrainedElsewhere;
 use gdg::engine::{EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
@@ -81,12 +83,12 @@ pub struct Session {
     views: watch::Receiver<Arc<View>>,
     pub saver: Saver,
     pub guide: TourGuide,
+    /// The run, if another program trains it.
+    pub elsewhere: Option<TrainedElsewhere>,
     /// What the terminal has been asked to do.
     pub terminal_request: Option<TerminalRequest>,
     /// What the next frame can reuse.
     pub cache: Cache,
-    /// Whether the screen was frozen when that was last looked at.
-    was_frozen: bool,
 }
 
 impl Deref for Session {
@@ -128,9 +130,9 @@ impl Session {
             views,
             saver: Saver::new(save, config.autosave_minutes),
             guide: TourGuide::default(),
+            elsewhere: None,
             terminal_request: None,
             cache: Cache::with_pictures(),
-            was_frozen: false,
         };
         session.start_run();
         session
@@ -151,22 +153,10 @@ impl Session {
         cx.screen.request(Request::Field(cx.screen.field));
         cx.screen.request(Request::OnArrival(cx.screen.on_arrival));
         cx.scene.start(&mut cx.screen);
-        self.thaw();
     }
 
     pub fn begin_tour(&mut self) {
-        self.screen.frozen = false;
-        self.thaw();
         self.guide.begin(&mut self.cx);
-    }
-
-    /// Shows the present state once the screen is frozen no more.
-    pub fn thaw(&mut self) {
-        if std::mem::replace(&mut self.was_frozen, self.cx.screen.frozen) && !self.screen.frozen {
-            let (snapshot, view) = (self.snapshots.borrow().clone(), self.views.borrow().clone());
-            self.on_snapshot(snapshot);
-            self.on_view(view);
-        }
     }
 
     pub fn mode(&self) -> Mode {
@@ -232,8 +222,7 @@ impl Session {
     pub async fn update(&mut self) {
         tokio::select! {
             Ok(()) = self.snapshots.changed() => {
-                let snapshot = self.snapshots.borrow_and_update().clone();
-                self.on_snapshot(snapshot);
+                self.show_latest();
             }
             Ok(()) = self.views.changed() => {
                 let view = self.views.borrow_and_update().clone();
@@ -242,7 +231,6 @@ impl Session {
             // Both threads have ended.
             else => std::future::pending().await,
         }
-        self.thaw();
     }
 
     /// Handles the passing of time; returns whether the screen changes.
@@ -254,7 +242,7 @@ impl Session {
         let log_changed = cx.screen.log.on_tick();
         let read = disk::on_tick(cx);
         let busy_changed = self.update_busy();
-        read || log_changed || dropped || tour_changed || busy_changed
+        self.follow_files() || read || log_changed || dropped || tour_changed || busy_changed
     }
 
     /// Looks at what the trainer is doing; returns whether the screen changes.
@@ -271,12 +259,32 @@ impl Session {
     }
 
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
-        let before = std::mem::replace(&mut self.screen.latest, snapshot);
-        self.show_snapshot(&before);
+        let snapshot = match &self.elsewhere {
+            Some(run) => Arc::new(run.with_records(&snapshot, &self.screen.snapshot)),
+            None => snapshot,
+        };
+        let before = std::mem::replace(&mut self.screen.snapshot, snapshot);
+        let screen = &mut self.cx.screen;
+        if screen.snapshot.generation != before.generation {
+            self.start_run();
+        } else if screen.snapshot.evaluations.len() > before.evaluations.len() {
+            log_evaluation(screen);
+        }
+        if self.screen.run() != &*before.run {
+            self.screen.update_changed_settings();
+            let items = lists::setting_items(&self.screen);
+            for dialog in &mut self.screen.dialogs {
+                if let Dialog::Pick(list) = dialog
+                    && list.are_settings
+                {
+                    list.update(items.clone());
+                }
+            }
+        }
         let then = self.saver.on_snapshot(&before, &mut self.cx);
         then.into_iter().for_each(|then| self.choose(then));
         let Self { cx, saver, .. } = self;
-        let latest = cx.screen.latest.clone();
+        let latest = cx.screen.snapshot.clone();
         cx.screen.pausing &= latest.phase.is_training();
         let notice = &latest.notice;
         if notice.number > before.notice.number {
@@ -301,46 +309,20 @@ impl Session {
         }
     }
 
-    /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user
-    /// has decided. A new run is shown in any case.
-    fn show_snapshot(&mut self, before: &Snapshot) {
-        let screen = &mut self.cx.screen;
-        let is_new_run = screen.latest.generation != before.generation;
-        if screen.frozen && !is_new_run {
-            Arc::make_mut(&mut screen.snapshot).follow_decisions(&screen.latest);
-        } else {
-            let shown = std::mem::replace(&mut screen.snapshot, screen.latest.clone());
-            if is_new_run {
-                self.start_run();
-            } else if screen.latest.evaluations.len() > shown.evaluations.len() {
-                log_evaluation(screen);
-            }
-        }
-        if self.screen.latest.run != before.run {
-            self.screen.update_changed_settings();
-            let items = lists::setting_items(&self.screen);
-            let lists = self.screen.dialogs.iter_mut().filter_map(|dialog| match dialog {
-                Dialog::Pick(picker) if picker.are_settings => Some(picker),
-                _ => None,
-            });
-            lists.for_each(|list| list.update(items.clone()));
+    pub fn catch_up(&mut self) {
+        if self.snapshots.has_changed().unwrap_or(true) {
+            self.show_latest();
         }
     }
 
-    /// Handles the latest snapshot if it has not been handled yet.
-    pub fn catch_up(&mut self) {
-        if self.snapshots.has_changed().unwrap_or(true) {
-            let snapshot = self.snapshots.borrow_and_update().clone();
-            self.on_snapshot(snapshot);
-        }
+    pub fn show_latest(&mut self) {
+        let snapshot = self.snapshots.borrow_and_update().clone();
+        self.on_snapshot(snapshot);
     }
 
     pub fn on_view(&mut self, view: Arc<View>) {
         let Cx { screen, scene, .. } = &mut self.cx;
-        // The past can be looked at on a frozen screen.
-        if !screen.frozen || screen.past.is_some() {
-            scene.show(view, screen);
-        }
+        scene.show(view, screen);
     }
 
     pub fn draw(&mut self, frame: &mut Frame) {

@@ -213,7 +213,6 @@ pub struct FrameTimer {
 }
 
 impl FrameTimer {
-    /// Returns the time until the next frame or poll.
     fn until_due(&self) -> Duration {
         let interval = match self {
             Self { immediate: true, .. } => INPUT_FRAME_INTERVAL,
@@ -461,7 +460,6 @@ fn screen(output: &FrameBytes) -> std::io::Result<ratatui::Terminal<CrosstermBac
     ratatui::Terminal::with_options(backend, TerminalOptions { viewport })
 }
 
-/// Sets the modes of the terminal and its driver.
 fn set_up_modes() -> std::io::Result<()> {
     enable_raw_mode()?;
     let mut bytes = Vec::new();

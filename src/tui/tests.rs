@@ -58,7 +58,6 @@ const ROOMS: &str = "\
 ..........#........G
 ";
 
-/// Creates a trainer with small networks.
 fn trainer_in(world: &dyn Environment, method: Method, seed: u64) -> Trainer {
     let registry = Registry::builtin();
     let preset = registry.preset_of(&method);
@@ -102,7 +101,6 @@ fn app() -> App {
     app_on(rooms(), Method::default())
 }
 
-/// Returns an app on the rooms that saves them to a file.
 fn app_saving_to(path: &Path, method: Method, updates: Option<u64>) -> App {
     let world = PointMaze::new(Arc::new(rooms()), 0);
     app_in(&world, method, updates, Some(path.to_owned()))
@@ -143,7 +141,6 @@ impl Session {
         }
     }
 
-    /// Puts an arm's goal at `at`.
     fn set_arm_goal(&mut self, at: [f32; 3]) {
         let Cx { screen, scene, .. } = &mut self.cx;
         match scene {
@@ -152,7 +149,6 @@ impl Session {
         }
     }
 
-    /// Puts the goal at `cell`, or at the free cell nearest to it.
     fn set_goal(&mut self, cell: Cell) {
         self.in_maze(|maze, screen| maze.set_goal(cell, screen));
     }
@@ -164,14 +160,12 @@ impl Session {
         });
     }
 
-    /// Shows the snapshot after `change`.
     fn change_snapshot(&mut self, change: impl FnOnce(&mut Snapshot)) {
         let mut snapshot = (*self.screen.snapshot).clone();
         change(&mut snapshot);
         self.on_snapshot(Arc::new(snapshot));
     }
 
-    /// Shows the view after `change`.
     fn change_view(&mut self, change: impl FnOnce(&mut View)) {
         let mut view = (*self.maze().view).clone();
         change(&mut view);
@@ -212,7 +206,7 @@ impl Still {
     /// Carries out the app's requests to the trainer: pauses, and changes of run and speed.
     fn obey(&mut self) {
         while let Ok(command) = self.commands.try_recv() {
-            let mut snapshot = (*self.app.screen.latest).clone();
+            let mut snapshot = (*self.app.screen.snapshot).clone();
             match command {
                 EngineCommand::Pause => snapshot.phase = Phase::Paused,
                 EngineCommand::Resume => snapshot.phase = Phase::Running,
@@ -329,7 +323,6 @@ pub(super) fn type_text(app: &mut (impl Driven + ?Sized), text: &str) {
     text.chars().for_each(|c| press(app, KeyCode::Char(c)));
 }
 
-/// Returns the character that shows the centre of `cell`.
 fn character_of(app: &App, cell: Cell) -> Position {
     let frame = app.screen.layout.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")

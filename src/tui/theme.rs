@@ -11,7 +11,6 @@ pub use gdg::draw::{Rgb, blend, contour, lightness};
 use gdg::draw::{contrast, distance_colour, sample};
 use gdg::text::terminal_obeys_escapes;
 
-/// Headings, keys and other important text.
 pub const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 
 pub const DIM: Style = Style::new().add_modifier(Modifier::DIM);
@@ -206,7 +205,6 @@ impl Theme {
         }
     }
 
-    /// Returns whether the terminal shows every mixture of colours.
     pub fn has_all_colours(&self) -> bool {
         self.palette.is_none()
     }
@@ -230,7 +228,6 @@ impl Theme {
         if self.name == ThemeName::Light { blend(rgb, (255, 255, 255), LIGHT_TINT) } else { rgb }
     }
 
-    /// Returns the colour of the actor that walks alone: a pale walker.
     pub fn ghost(&self) -> Rgb {
         blend(self.walker, (255, 255, 255), GHOST_TINT)
     }

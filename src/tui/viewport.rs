@@ -71,7 +71,6 @@ impl MapFrame {
         f32::from(self.area.width) / self.raster.window[2]
     }
 
-    /// Returns the character that shows a position on the map.
     pub fn character_of(&self, at: [f32; 2]) -> Option<Position> {
         let (column, row) = self.raster.pixel_of(at)?;
         let (across, down) = self.marker.pixels();
@@ -299,7 +298,6 @@ impl Projection {
     }
 }
 
-/// Returns whether `area` has room for all projections of an arm.
 pub fn has_room(area: Rect) -> bool {
     area.width >= ALL_SIZE.0 && area.height >= ALL_SIZE.1
 }

@@ -3,7 +3,7 @@
 All are a point in a square that moves by its action, with a goal. What goes wrong goes wrong after
 AWKWARD_AFTER steps of the process, or from the start. With AWKWARD_EXTRA, observations have so many
 more numbers, and AWKWARD_BOUND and AWKWARD_LIMIT are its largest action and its time limit: another
-version of the environment.
+version of the environment, which AWKWARD_VERSION says.
 """
 
 import ctypes
@@ -24,6 +24,8 @@ AFTER = int(os.environ.get("AWKWARD_AFTER", "1000000000"))
 EXTRA = int(os.environ.get("AWKWARD_EXTRA", "0"))
 BOUND = float(os.environ.get("AWKWARD_BOUND", "0.5"))
 LIMIT = int(os.environ.get("AWKWARD_LIMIT", "40"))
+if "AWKWARD_VERSION" in os.environ:
+    __version__ = os.environ["AWKWARD_VERSION"]
 steps = 0
 number = None
 

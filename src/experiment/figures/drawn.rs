@@ -8,12 +8,10 @@ use super::MethodRuns;
 use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
-use crate::experiment::plot::{Axis, Points, SeedCurves, csv_of, table};
+use crate::experiment::plot::{Axis, Points, SeedCurves, csv_of, table, write_unless_edited};
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
-use crate::figure::{
-    Anchor, Chart, ChartPage, FigureFormat, MILLIMETRE, Mark, Sheet, fitted, round_top,
-};
+use crate::figure::{Anchor, Chart, ChartPage, MILLIMETRE, Mark, Sheet, fitted, round_top};
 use gdg::draw::{Picture, Raster, Rgb, WALL};
 use gdg::map::{Cell, Grid, builtin};
 use gdg::text::counted;
@@ -156,10 +154,6 @@ fn rows(figure: &Figure, methods: &[MethodRuns]) -> Vec<Vec<MapPanel>> {
     methods.iter().filter_map(row).collect()
 }
 
-fn raster(map: &Grid) -> Raster {
-    Raster::of_map(map, MAP_PIXELS, MAP_PIXELS)
-}
-
 fn walk_caption(walk: &Walked) -> String {
     let end = if walk.reached { "reached in" } else { "not reached within" };
     format!("shortest {}; {end} {}", walk.shortest, walk.path.len().saturating_sub(1))
@@ -171,12 +165,10 @@ fn bridge_row(map: &Grid, title: &str, bridge: &BridgeTrial) -> Vec<MapPanel> {
     let BridgeTrial { direct, found, searches, tried, from_start, to_goal, walk } = bridge;
     let sum = from_start.iter().zip(to_goal).map(|(from, to)| Some((*from)? + (*to)?));
     let sum: Vec<Option<f32>> = sum.collect();
-    let (raster, point) = (raster(map), found.map(|found| found.point));
-    let ends = Walked {
-        plan: Vec::new(),
-        path: walk.path[..1.min(walk.path.len())].to_vec(),
-        ..walk.clone()
-    };
+    let raster = Raster::of_map(map, MAP_PIXELS, MAP_PIXELS);
+    let point = found.map(|found| found.point);
+    let path = walk.path.iter().take(1).copied().collect();
+    let ends = Walked { plan: Vec::new(), path, ..walk.clone() };
     let panel = |what: &str, caption: String, values: &[Option<f32>], walk, point| {
         let value = |[x, y]: &[f32; 2]| {
             let cell = map.index(Cell::new(*x as usize, *y as usize));
@@ -204,7 +196,7 @@ fn bridge_row(map: &Grid, title: &str, bridge: &BridgeTrial) -> Vec<MapPanel> {
 }
 
 fn path_panel(map: &Grid, title: &str, walk: &Walked) -> MapPanel {
-    let raster = raster(map);
+    let raster = Raster::of_map(map, MAP_PIXELS, MAP_PIXELS);
     let mut picture = Picture::new(raster.pixels, WALL);
     for i in raster.free_ground(map).0 {
         picture.pixels_mut()[i] = FLOOR;
@@ -302,12 +294,9 @@ pub fn section(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Resu
     } else {
         walks_csv(methods)?
     };
-    folder.write(&format!("data/{name}.csv"), &csv)?;
     let sheet = draw(title, &panels.iter().map(FigurePanel::chart).collect::<Vec<_>>(), &maps);
-    for format in [FigureFormat::Svg, FigureFormat::Png] {
-        let file = format!("figures/{name}.{}", format.extension());
-        folder.write(&file, &format.encode(&sheet)?)?;
-    }
+    let files = ["svg", "png"].map(|end| format!("figures/{name}.{end}"));
+    write_unless_edited(folder, &files, (&format!("data/{name}.csv"), &csv), &sheet)?;
     let shown = match figure.shows {
         Shows::Bridge => format!("{BRIDGE_SEARCH} {MAPS}"),
         Shows::Paths => MAPS.to_owned(),
@@ -319,7 +308,6 @@ pub fn section(figure: &Figure, methods: &[MethodRuns], folder: &Folder) -> Resu
     ))
 }
 
-/// Formats the mean, and the range if there are several seeds.
 fn numbers(values: &[f64], digits: usize) -> String {
     let least = values.iter().copied().fold(f64::INFINITY, f64::min);
     let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);

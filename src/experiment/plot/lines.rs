@@ -23,7 +23,6 @@ pub struct Grouping {
     differ: [bool; 3],
 }
 
-/// The order in [`Grouping`].
 const PARTS: [By; 3] = [By::Method, By::Map, By::Setting];
 
 impl Grouping {

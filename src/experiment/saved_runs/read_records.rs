@@ -22,16 +22,13 @@ const MOST_OF_A_LINE: u64 = 16 << 20;
 const RECORDS: Wanted =
     Wanted { name: "records of a run", help: HELP, own: &[FileFormat::Json, FileFormat::Text] };
 
-/// Some editors begin files with it.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 #[derive(Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 enum ReadRecord {
     Start(Box<Start>),
-    Progress {
-        updates: u64,
-    },
+    Progress(Progress),
     Evaluation(Box<EvaluationAt>),
     Saved {
         path: PathBuf,
@@ -47,6 +44,19 @@ enum ReadRecord {
     },
     #[serde(other)]
     Other,
+}
+
+/// How far a run was when it last told.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default)]
+pub struct Progress {
+    pub updates: u64,
+    pub env_steps: u64,
+    pub episodes: u64,
+    pub seconds: f64,
+    pub updates_per_second: Option<f64>,
+    /// Estimated seconds until the run ends.
+    pub left: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -92,7 +102,7 @@ impl SavedRun {
 
     fn add(&mut self, record: ReadRecord) {
         match record {
-            ReadRecord::Progress { updates } => self.updates = updates,
+            ReadRecord::Progress(now) => (self.updates, self.progress) = (now.updates, now),
             ReadRecord::Evaluation(at) => {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
@@ -290,7 +300,6 @@ impl SavedRun {
         other.evaluations.iter().any(|at| own.contains(&moment(at)))
     }
 
-    /// Whether its map was edited while it trained.
     pub fn is_edited(&self) -> bool {
         !self.edits.is_empty()
     }

@@ -9,6 +9,8 @@ use std::time::SystemTime;
 use super::read_records::{join, whole};
 use super::{SavedRun, file, files_of};
 use crate::setup::saves::SAVES;
+use gdg::files::is_hidden;
+use gdg::train::is_checkpoint;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FoundRuns {
@@ -16,6 +18,14 @@ pub struct FoundRuns {
     /// The file being read, of how many; both are the same at the end.
     pub read: [usize; 2],
 }
+
+/// How far below a folder runs are looked for, and in how many folders at most.
+const MOST_DEPTH: usize = 4;
+const MOST_FOLDERS: usize = 2_000;
+
+/// The folder of an experiment's jobs, which are read with it; and others without runs.
+const JOBS: &str = "jobs";
+const LEFT_OUT: [&str; 5] = [JOBS, "target", "node_modules", "site-packages", "__pycache__"];
 
 /// What distinguishes versions of a file: when it was written, and its size.
 type Stamp = (Option<SystemTime>, u64);
@@ -50,7 +60,10 @@ impl RunReader {
                 break;
             }
             // One that is replaced meanwhile is read again next time.
-            let runs = file(path).unwrap_or_else(|error| vec![SavedRun::damaged(path, &error)]);
+            let runs = file(path).unwrap_or_else(|error| {
+                let is_foreign = !self.is_asked_for(path) && !is_checkpoint(path);
+                if is_foreign { Vec::new() } else { vec![SavedRun::damaged(path, &error)] }
+            });
             let runs = runs.into_iter().map(|run| Arc::new(SavedRun { written: stamp.0, ..run }));
             self.known.insert(path.clone(), (stamp, runs.collect()));
         }
@@ -60,24 +73,36 @@ impl RunReader {
     /// Lists the files with runs, and the folders that cannot be read.
     fn files(&self) -> (Vec<PathBuf>, Vec<Arc<SavedRun>>) {
         let (mut files, mut damaged) = (Vec::new(), Vec::new());
-        // The usual folder is created by the first run that is saved.
-        let is_missing = |folder: &&PathBuf| folder.as_os_str() == SAVES && !folder.exists();
-        for place in self.places.iter().filter(|place| !is_missing(place)) {
+        for place in &self.places {
             if !place.is_dir() {
                 files.push(place.clone());
                 continue;
             }
-            for folder in with_experiments(place) {
-                match files_of(&folder) {
-                    Ok(found) => files.extend(found),
-                    Err(error) => damaged.push(Arc::new(SavedRun::damaged(&folder, &error))),
+            for folder in with_folders_below(place) {
+                let found = files_of(&folder);
+                if let Err(error) = &found
+                    && folder == *place
+                {
+                    damaged.push(Arc::new(SavedRun::damaged(&folder, error)));
                 }
+                files.extend(found.unwrap_or_default());
             }
         }
-        // A folder may be named twice, or be an experiment's in another.
+        // Names of what is in the present folder are short. A folder may be named twice.
         let mut listed = HashSet::new();
+        let short = |file: PathBuf| file.strip_prefix(".").map(Path::to_owned).unwrap_or(file);
+        let mut files: Vec<PathBuf> = files.into_iter().map(short).collect();
         files.retain(|file| listed.insert(whole(file)));
         (files, damaged)
+    }
+
+    /// Whether it is a place, or in one or in the usual ones: other programs' files end in .jsonl, too.
+    fn is_asked_for(&self, path: &Path) -> bool {
+        let whole_path = whole(path);
+        let folder = whole_path.parent();
+        let is_place = |place: &PathBuf| place == path || Some(&*whole(place)) == folder;
+        let is_own = |folder: &Path| folder.ends_with(JOBS) || folder.ends_with(SAVES);
+        self.places.iter().any(is_place) || folder.is_some_and(is_own)
     }
 
     fn found(&self, files: &[PathBuf], read: usize, damaged: &[Arc<SavedRun>]) -> FoundRuns {
@@ -87,13 +112,23 @@ impl RunReader {
     }
 }
 
-fn with_experiments(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let inner = entries.map(|entry| entry.path()).filter(|path| path.join("jobs").is_dir());
-    let mut all: Vec<PathBuf> = inner.collect();
-    all.sort();
-    all.insert(0, folder.to_owned());
-    all
+/// Returns a folder and those below it that may have runs, each once, the usual ones first.
+fn with_folders_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut all, mut known) = (vec![(folder.to_owned(), 0)], HashSet::new());
+    let mut next = 0;
+    while let Some((folder, depth)) = all.get(next).cloned().filter(|_| next < MOST_FOLDERS) {
+        next += 1;
+        let is_new = folder.canonicalize().is_ok_and(|real| known.insert(real));
+        let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
+        let inner = entries.map(|entry| entry.path()).filter(|path| {
+            let is_left_out = LEFT_OUT.iter().any(|name| path.ends_with(name));
+            is_new && depth < MOST_DEPTH && !is_left_out && !is_hidden(path) && path.is_dir()
+        });
+        let mut inner: Vec<PathBuf> = inner.collect();
+        inner.sort_by_key(|path| (!path.ends_with(SAVES), path.clone()));
+        all.extend(inner.into_iter().map(|path| (path, depth + 1)));
+    }
+    all.into_iter().map(|(folder, _)| folder).take(next).collect()
 }
 
 #[cfg(test)]
@@ -107,7 +142,6 @@ mod tests {
     const START: &str = "{\"event\":\"start\",\"world\":\"maze\",\"map\":{\"name\":\"room\"},\
         \"method\":\"gdg\",\"preset\":\"default\",\"settings\":{},\"seed\":3,\"updates\":0}\n";
 
-    /// Returns the records of a run that has made so many updates.
     fn records(updates: u64) -> String {
         format!("{START}{{\"event\":\"progress\",\"updates\":{updates}}}\n")
     }
@@ -143,6 +177,9 @@ mod tests {
             ("notes.txt", "other"),
             ("suite/jobs/b.jsonl", &records(300)),
             ("other/c.jsonl", START),
+            ("other/data.jsonl", "[]\n"),
+            ("other/model.safetensors", "none of ours"),
+            ("target/d.jsonl", START),
         ];
         let folder = folder_of(&files);
         let path = |name: &str| folder.path().join(name);
@@ -151,21 +188,21 @@ mod tests {
             let (runs, told) = read(&mut reader);
             (runs.iter().map(|run| run.updates).collect::<Vec<u64>>(), told)
         };
-        assert_eq!(read(), (vec![1_000, 0, 300], 3), "the second one is damaged");
-        assert_eq!(read(), (vec![1_000, 0, 300], 0), "nothing is new");
+        assert_eq!(read(), (vec![1_000, 0, 0, 300], 6), "the second one is damaged");
+        assert_eq!(read(), (vec![1_000, 0, 0, 300], 0), "nothing is new");
         // Its last line is not complete yet.
         write(path("1.jsonl"), records(2_000) + "{\"eve").expect("a file");
-        assert_eq!(read(), (vec![2_000, 0, 300], 1), "it has grown");
+        assert_eq!(read(), (vec![2_000, 0, 0, 300], 1), "it has grown");
         remove_file(path("2.jsonl")).expect("a file");
         let windows = format!("\u{feff}{}", records(5)).replace('\n', "\r\n");
         write(path("1.jsonl"), windows).expect("a file");
-        assert_eq!(read(), (vec![5, 300], 1));
+        assert_eq!(read(), (vec![5, 0, 300], 1));
         let mut told = Vec::new();
         RunReader::new(&[folder.path().to_owned()]).read(|_, found| {
             told.push(found().read);
             ControlFlow::Break(())
         });
-        assert_eq!(told, [[1, 2]], "it stops");
+        assert_eq!(told, [[1, 5]], "it stops");
     }
 
     #[test]

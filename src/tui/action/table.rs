@@ -7,10 +7,9 @@ use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
 use crate::tui::interface::TerminalRequest;
 use crate::tui::lists;
-use crate::tui::session::{Session, change_run, disk, saving, watching};
+use crate::tui::session::{Session, change_run, disk, watching};
 use gdg::engine::Step;
 
-/// A row for an action that `run` performs.
 const fn bind(
     action: A,
     name: &'static str,
@@ -44,7 +43,6 @@ const fn watch(
     bind(action, name, keys, run).watching()
 }
 
-/// Has the scene perform an action.
 fn act_in_scene(session: &mut Session, action: A) {
     session.cx.scene.act(action, &mut session.cx.screen);
 }
@@ -55,7 +53,6 @@ fn act_on_goal(session: &mut Session, action: A) {
     act_in_scene(session, action);
 }
 
-/// A row for an action that the scene performs.
 const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
     bind(action, name, keys, act_in_scene)
 }
@@ -64,17 +61,14 @@ const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str
     scene(action, name, keys).watching()
 }
 
-/// A row for an overlay.
 const fn overlay(overlay: Overlay, name: &'static str, keys: &'static [&'static str]) -> Binding {
     watch(A::Toggle(overlay), name, keys, |s, action| watching::toggle_overlay(s, action)).each()
 }
 
-/// A row for a pane.
 const fn pane(pane: Pane, name: &'static str, keys: &'static [&'static str]) -> Binding {
     bind(A::Show(pane), name, keys, |s, action| watching::show(s, action)).watching()
 }
 
-/// A row for an action of the editor.
 const fn edit(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
     scene(action, name, keys).own(Comparison::edit).in_present()
 }
@@ -101,6 +95,9 @@ impl Binding {
             };
             return session.screen.notify(&text);
         }
+        if session.screen.elsewhere.is_some() && self.changes_run() {
+            return session.screen.refuse_to_train();
+        }
         if self.is_about_present {
             watching::leave_past(session);
         }
@@ -110,14 +107,19 @@ impl Binding {
             // An error that was there before says nothing about the new dialog.
             session.screen.log.dismiss_before(began);
         }
-        session.thaw();
+    }
+
+    /// Whether it trains, changes, replaces or saves the run, which another program may do instead.
+    pub fn changes_run(&self) -> bool {
+        let is_change = |b: &Binding| b.action == self.action;
+        [TRAINING, MAP_EDITOR, FILES].into_iter().flatten().any(is_change)
+            && !matches!(self.action, A::SaveMap | A::Export | A::TrainCopy)
     }
 
     const fn help(self, long: &'static str) -> Self {
         Self { long, ..self }
     }
 
-    /// Describes it, with other words to search for.
     const fn about(self, long: &'static str, words: &'static str) -> Self {
         Self { long, words, ..self }
     }
@@ -131,17 +133,14 @@ impl Binding {
         Self { when: Some(mode), ..self }
     }
 
-    /// Adds a word for the footer.
     const fn short(self, short: &'static str) -> Self {
         Self { short, ..self }
     }
 
-    /// Returns to the present first.
     const fn in_present(self) -> Self {
         Self { is_about_present: true, ..self }
     }
 
-    /// Has it in lists of runs, too.
     const fn in_lists(self) -> Self {
         Self { is_in_lists: true, ..self }
     }
@@ -159,7 +158,6 @@ impl Binding {
     }
 }
 
-/// All actions, by section.
 pub const SECTIONS: &[Section] = &[
     Section { title: "training", bindings: TRAINING },
     Section { title: "goal and agent", bindings: GOAL_AND_AGENT },
@@ -187,9 +185,6 @@ const TRAINING: &[Binding] = &[
         .about("more updates per second", "speed fast quick rate limit unlimited accelerate max"),
     bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
-    watch(A::Freeze, "freeze", &[], |s, _| s.screen.frozen = !s.screen.frozen)
-        .about("freeze the screen while training continues", "still hold lock display")
-        .each(),
     bind(A::Evaluate, "evaluate", &["y"], |s, _| watching::evaluate(s))
         .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
@@ -232,7 +227,6 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .own(Comparison::next_on_arrival),
 ];
 
-/// A row for an arrow key.
 const fn towards(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
     bind(action, name, keys, act_on_goal).own(Comparison::move_goal)
 }
@@ -356,8 +350,14 @@ const FILES: &[Binding] = &[
     bind(A::Save, "save", &["s"], |s, _| s.save())
         .about("save a checkpoint", "store write keep networks model weights")
         .short("save"),
-    bind(A::SaveAs, "save-as", &[], |s, _| saving::ask_file(s))
-        .about("save a checkpoint under a name", "store write copy rename"),
+    bind(A::SaveAs, "save-as", &[], |s, _| {
+        s.open(s.saver.ask_file("save the checkpoint as"));
+    })
+    .about("save a checkpoint under a name", "store write copy rename"),
+    bind(A::TrainCopy, "train-copy", &["t"], |s, _| s.ask_for_copy())
+        .within(Mode::Elsewhere)
+        .about("train a copy of the run that another program trains", "fork continue resume own")
+        .short("train a copy"),
     watch(A::Load, "load", &["shift-l"], |s, _| disk::pick_checkpoint(s))
         .about("load a checkpoint", "open restore read resume run model weights"),
     watch(A::Export, "export", &["shift-e"], |s, _| {
@@ -408,7 +408,6 @@ const COMPARISON: &[Binding] = &[
         .short("size"),
 ];
 
-/// A row for an action that only comparisons have.
 const fn beside(
     action: A,
     name: &'static str,
@@ -428,7 +427,7 @@ const RUNS: &[Binding] = &[
     ),
     on_runs(ListAction::Resume, "resume-run", &["enter"])
         .short("resume")
-        .help("resume the selected run"),
+        .help("resume the selected run, or watch it while another program trains it"),
     on_runs(ListAction::Compare, "compare-runs", &["c"]).short("compare").help(
         "show side by side what two marked runs, or a marked and the selected one, have learned",
     ),

@@ -42,7 +42,6 @@ pub struct Patches {
 }
 
 impl Patches {
-    /// Forgets all patches after the screen has been cleared.
     pub fn forget(&mut self) {
         self.shown.clear();
     }

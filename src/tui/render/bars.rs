@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
 use super::ScreenPainter;
-use crate::tui::action::{Action, Mode, bindings};
+use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::choices::Tool;
 use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine};
@@ -75,7 +75,6 @@ fn shorten_title(parts: &mut [(Span, Action)], area: Rect, least: usize) {
     }
 }
 
-/// A text, with keys and what they do.
 type Hint = (String, Vec<(Action, &'static str)>);
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
@@ -84,7 +83,10 @@ pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
     let is_shown = screen.banner.is_some() && !screen.on_paper;
     let hints = match past(screen, scene) {
         _ if screen.tour.is_some() => None,
-        None if is_shown => what_to_see(screen),
+        None if is_shown && screen.explains => Some(what_to_see(screen)),
+        None if !screen.on_paper => scene
+            .both_walks(screen)
+            .map(|texts| texts.map(|text| (text + " ", Vec::new())).to_vec()),
         past => past,
     };
     let lines = hints.into_iter().flatten().map(|(text, keys)| {
@@ -129,21 +131,16 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
     Some(texts.map(|text| (text, keys.to_vec())).to_vec())
 }
 
-/// Explains the colours and the effect of a click.
-fn what_to_see(screen: &Screen) -> Option<Vec<Hint>> {
+fn what_to_see(screen: &Screen) -> Vec<Hint> {
     let mono = screen.theme.depth == ColourDepth::Mono;
     let colours = if mono { "@ walks to G" } else { "light = near G" };
     let help = (Action::Help, "help ");
-    screen.explains.then(|| {
-        vec![
-            (
-                format!("{colours} \u{b7} click: a new goal \u{b7} new here? gdg-tui tour \u{b7}"),
-                vec![help],
-            ),
-            (format!("{colours} \u{b7} click: a new goal \u{b7}"), vec![help]),
-            ("click: goal \u{b7}".to_owned(), vec![help]),
-        ]
-    })
+    let all = format!("{colours} \u{b7} click: a new goal \u{b7}");
+    vec![
+        (format!("{all} new here? gdg-tui tour \u{b7}"), vec![help]),
+        (all, vec![help]),
+        ("click: goal \u{b7}".to_owned(), vec![help]),
+    ]
 }
 
 const MAX_NOTICE_ROWS: usize = 4;
@@ -200,9 +197,13 @@ pub fn keys(
     lacks_panel: bool,
 ) -> ClickableLine {
     let mut keys: Vec<(Action, &str)> = Vec::new();
-    for binding in
-        bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && scene.offers(b.action))
-    {
+    let own = scene.mode(screen);
+    let is_shown = |b: &&Binding| match own {
+        Mode::Elsewhere => (b.is_active(mode) || b.is_active(own)) && !b.changes_run(),
+        _ => b.is_active(mode),
+    };
+    let shown = bindings().filter(|b| !b.short.is_empty() && scene.offers(b.action));
+    for binding in shown.filter(is_shown) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         keys.push((binding.action, if idle { "resume" } else { binding.short }));
     }
@@ -244,12 +245,12 @@ pub fn fitting(
 pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let line = |tools: &[Tool], keys: &[(Action, &str)]| {
         let mut bar = ClickableLine::default();
-        bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
+        bar.push(Span::styled(" EDIT", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
             key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
         }
-        bar.push(Span::raw(" "), None);
+        bar.push(if width > 90 { " " } else { "" }.into(), None);
         for (action, label) in keys {
             key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
         }
@@ -258,9 +259,10 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let [apply, undo] = [(Action::Apply, "use"), (Action::Undo, "undo")];
     let [save, done] = [(Action::SaveMap, "save map"), (Action::ToggleEdit, "done")];
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
-    let keys = [&[apply, undo, save, done][..], &[apply, undo, done], &[done]];
+    let keys = [&[apply, undo, save, done][..], &[undo, save, done], &[undo, done], &[done]];
     let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
-    let fits = |bar: &ClickableLine| bar.width() <= usize::from(width);
+    // The trailing blank may be cut off.
+    let fits = |bar: &ClickableLine| bar.width() <= usize::from(width) + 1;
     let mut bar = { options }.find(fits).unwrap_or_else(|| line(own, &[done]));
     let mouse = editor.tool.about().1;
     if bar.width() + mouse.len() <= usize::from(width) {

@@ -49,7 +49,6 @@ fn is_growing(run: &SavedRun) -> bool {
     !run.is_damaged() && run.state() == RunState::Running
 }
 
-/// Returns what a run is found by, in small letters.
 fn words(run: &SavedRun) -> Vec<String> {
     let files = [&run.source].into_iter().chain(&run.others);
     let files = files.map(|path| path.to_string_lossy().into_owned());
@@ -222,14 +221,16 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
         };
         Err(format!("{} cannot be resumed: {why}", name(&run.source)))
     };
+    // One alone is watched.
+    let watches = (beside.is_none() && is_growing(run)).then(|| run.source.clone());
     let is_growing = is_growing(run) || beside.is_some_and(|run| is_growing(run));
-    let warning = is_growing.then(|| {
+    let warning = (is_growing && watches.is_none()).then(|| {
         "another program still trains this: what is shown is a copy, as last saved; of the two, \
          the one that saves second does so to another name"
             .to_owned()
     });
     let beside = beside.map(|run| checkpoint(run)).transpose()?;
-    Ok(Wish { file: checkpoint(run)?, beside, warning })
+    Ok(Wish { file: checkpoint(run)?, beside, warning, watches })
 }
 
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {

@@ -47,7 +47,6 @@ const MAX_NAME: usize = 22;
 const MAX_VALUE: usize = 14;
 const MIN_FILE: usize = 14;
 
-/// Rows of a list above curves, at least.
 const MIN_ROWS: usize = 6;
 
 /// Columns before a row, for its letter.
@@ -123,7 +122,6 @@ fn drawn(list: &List) -> Vec<DrawnRun<'_>> {
     selected.into_iter().chain(marked).collect()
 }
 
-/// Returns the letter of a marked run, or the sign of the selected one.
 fn sign(letter: Option<usize>) -> char {
     letter.map_or('>', |letter| char::from(b'A' + letter as u8))
 }

@@ -161,20 +161,25 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     let mut screen = screen();
     screen.show_runs(&[own("c", "own"), own("b", "own"), own("a", "own")]);
     type_text(&mut screen, " jjc");
-    let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None };
+    let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None, watches: None };
     assert_eq!(screen.wish.take(), Some(wish));
     std::fs::remove_file(path("c")).expect("a file");
     press(&mut screen, KeyCode::Enter);
     assert!(screen.wish.is_none() && shown_by(&mut screen, 200, 40).contains("is gone"));
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Enter);
-    let wish = Wish { file: path("a"), beside: None, warning: None };
+    let wish = Wish { file: path("a"), beside: None, warning: None, watches: None };
     assert_eq!(screen.wish.take(), Some(wish));
     // Another program still trains it.
     let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
-    let grows = SavedRun { written: Some(SystemTime::now()), ..grows };
-    screen.list(&FoundRuns { runs: vec![Arc::new(grows)], read: [1, 1] });
+    let grows = Arc::new(SavedRun { written: Some(SystemTime::now()), ..grows });
+    screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
     press(&mut screen, KeyCode::Enter);
+    let wish = screen.wish.take().expect("to watch it");
+    assert_eq!((wish.watches, wish.warning), (Some(path("a")), None));
+    screen
+        .list(&FoundRuns { runs: [found(&[own("b", "own")]), vec![grows]].concat(), read: [1, 1] });
+    type_text(&mut screen, "jc");
     let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
 }
@@ -234,7 +239,7 @@ fn the_list_stays_while_a_run_is_opened() {
     });
     for gives_up in [true, false] {
         let file = "saves/large.safetensors".into();
-        screen.wish = Some(Wish { file, beside: None, warning: None });
+        screen.wish = Some(Wish { file, beside: None, warning: None, watches: None });
         screen.on_tick();
         let shown = shown_by(&mut screen, 80, 24);
         assert!(shown.contains("opening large.safetensors ...") && shown.contains("5 runs"));

@@ -90,7 +90,6 @@ pub fn overlays(scene: &dyn SceneKind, screen: &Screen) -> impl Iterator<Item = 
     Overlay::ALL.into_iter().filter(is_there)
 }
 
-/// Returns the colour scale with a bar of `bar` characters.
 pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
     scale(&screen.theme, scene.shown_field(screen), scene.farthest(screen), bar)
         .unwrap_or_else(|| Line::raw(format!(" {} only ", scene.noun())))
@@ -186,6 +185,25 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("then", "what happens when the agent arrives"),
 ];
 
+/// Says how the walk along the plan and that of the actor alone go, if both are shown, and the same in
+/// fewer words.
+pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<[String; 2]> {
+    let reach = &scene.view().reach;
+    let ghost = reach.ghost.as_ref().filter(|_| screen.overlays.has(Overlay::Ghost))?;
+    let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
+    let actor = match (ghost.arrived, ghost.steps - ghost.stands_since >= STANDS_STEPS) {
+        (true, _) => format!("arrived in {}", ghost.steps),
+        (false, true) => format!("stands{place} since {}", ghost.stands_since),
+        (false, false) => format!("has taken {}", ghost.steps),
+    };
+    let plan = if reach.arrived { "arrived in" } else { "has taken" };
+    let plan = format!("plan {plan} {}", counted(u64::from(reach.steps), "step"));
+    Some([
+        format!("{plan}; the actor {actor}"),
+        format!("{plan}; actor {}", actor.replace(place, "")),
+    ])
+}
+
 /// Returns the lines about the walking agent, with sentences within `width` columns.
 pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<Line<'static>> {
     let reach = &scene.view().reach;
@@ -204,18 +222,15 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         (true, None) => fact("shortest", "no path"),
         (false, _) => fact("left", scene.format_length(reach.left)),
     });
-    let shows_ghost = screen.overlays.has(Overlay::Ghost);
-    lines.extend(reach.ghost.iter().filter(|_| shows_ghost).map(|ghost| {
-        let stands = ghost.steps - ghost.stands_since;
-        fact(
-            "alone",
-            match (ghost.arrived, stands >= STANDS_STEPS) {
-                (true, _) => format!("arrived in {}", ghost.steps),
-                (false, true) => format!("stands since {}", ghost.stands_since),
-                (false, false) => counted(u64::from(ghost.steps), "step"),
-            },
-        )
-    }));
+    // A blank on either side.
+    let columns = width.saturating_sub(2).max(MIN_TEXT_WIDTH);
+    let sentence = |text: &str| {
+        wrapped(text, columns)
+            .into_iter()
+            .map(|row| Line::raw(format!(" {row}")))
+            .collect::<Vec<_>>()
+    };
+    lines.extend(both_walks(scene, screen).map_or_else(Vec::new, |[text, _]| sentence(&text)));
     let waypoint = reach.waypoint.as_deref();
     let note = if has_path { "" } else { " (meaningless)" };
     lines.extend([
@@ -225,12 +240,7 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
     ]);
     let stops = reach.path.len();
     match bridges(reach) {
-        Some(text) => {
-            // A blank on either side.
-            let columns = width.saturating_sub(2).max(MIN_TEXT_WIDTH);
-            let rows = wrapped(&text, columns).into_iter();
-            lines.extend(rows.map(|row| Line::raw(format!(" {row}"))));
-        }
+        Some(text) => lines.extend(sentence(&text)),
         None => lines.push(planned(
             "ahead",
             match stops {

@@ -75,7 +75,6 @@ impl MazeState {
     }
 }
 
-/// Zoom factor of one wheel step.
 const WHEEL_ZOOM_FACTOR: f32 = 1.25;
 
 /// The fewest cells shown across at maximum zoom.
@@ -110,6 +109,12 @@ impl SceneKind for MazeState {
 
     fn proportions(&self) -> [f32; 2] {
         [self.map.width() as f32, self.map.height() as f32]
+    }
+
+    fn is_at_wall(&self, at: &[f32]) -> bool {
+        let beside = |by: [f32; 2]| Cell::new((at[0] + by[0]) as usize, (at[1] + by[1]) as usize);
+        let sides = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(beside);
+        sides.iter().any(|cell| self.map.contains(*cell) && !self.map.is_free(*cell))
     }
 
     fn view(&self) -> &View {
@@ -465,7 +470,6 @@ impl MazeState {
         false
     }
 
-    /// Describes the cell under the mouse, unless a cursor is shown.
     pub fn hover(&mut self, cell: Option<Cell>, screen: &mut Screen) {
         if self.hovered != cell {
             self.hovered = cell;
@@ -548,7 +552,6 @@ pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
     })
 }
 
-/// Puts the walking agent at a cell, or at a random place.
 pub fn place_walker(cell: Option<Cell>, screen: &mut Screen) {
     screen.return_to_present();
     screen.request(Request::Start(cell.map(|cell| cell.centre().to_vec())));

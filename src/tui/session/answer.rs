@@ -12,6 +12,7 @@ use super::{Cx, Session, change_run, watching};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::lists;
+use gdg::engine::EngineCommand;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for};
 use gdg::train::{Run, is_checkpoint, with_setting};
@@ -69,7 +70,6 @@ impl Session {
         None
     }
 
-    /// Carries out the answer to a question, or says what is wrong with it.
     fn accept(&mut self, mut prompt: Prompt) {
         let typed = prompt.typed().0.trim().to_owned();
         let done = warning(&prompt.question, &typed, &self.cx).and_then(|warning| match warning {
@@ -90,7 +90,7 @@ impl Session {
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => change_run::ask_setting(name, cx),
             Choice::Method(method) => {
-                let registry = cx.screen.latest.registry.clone();
+                let registry = cx.screen.snapshot.registry.clone();
                 change_run::change(|run| run.set_method(method, &registry), saver, cx);
             }
             Choice::Preset(preset) => {
@@ -134,7 +134,6 @@ impl Session {
             Choice::Quit { save: false } => saver.is_done = true,
             Choice::Nothing => {}
         }
-        self.thaw();
     }
 
     /// Carries out the answer to a question, or returns what is wrong with it.
@@ -152,7 +151,11 @@ impl Session {
                 }
                 let path = checkpoint_file(typed);
                 check_name(&path).map_err(|e| format!("the file cannot be written: {e}"))?;
-                saver.save_under(path, cx);
+                let is_copy = self.leave_to_other(&path)?;
+                self.saver.save_under(path, &mut self.cx);
+                if is_copy {
+                    self.screen.command(EngineCommand::Resume);
+                }
             }
             Question::SaveMap => disk::save_map(cx, typed)?,
         }

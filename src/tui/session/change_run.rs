@@ -25,7 +25,7 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
         let (title, begin) =
             ("this resets the networks, which are not saved", "continue with new networks");
         let choice = Choice::Change(Box::new(run));
-        cx.screen.open(lists::leave(title, begin, "", choice, Some(&cx.screen.latest)));
+        cx.screen.open(lists::leave(title, begin, "", choice, Some(&cx.screen.snapshot)));
     } else {
         change_to(run, saver, cx);
     }
@@ -40,7 +40,6 @@ pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
     }
 }
 
-/// Restarts with the next seed, after a question.
 pub fn ask_to_restart(cx: &mut Cx) {
     let seed = cx.screen.run().seed.wrapping_add(1);
     let title = format!("restart with seed {seed}");
@@ -60,7 +59,7 @@ pub fn restart(seed: u64, cx: &mut Cx) {
 
 /// Starts a new run in the world called `name`, with the preset's settings for it.
 pub fn start_in(name: &str, cx: &mut Cx) {
-    let registry = cx.screen.latest.registry.clone();
+    let registry = cx.screen.snapshot.registry.clone();
     if let Some(kind) = registry.world(name)
         && let Some(create) = kind.create
     {
@@ -78,7 +77,6 @@ pub fn start_on(map: Arc<Grid>, cx: &mut Cx) {
     cx.screen.command(EngineCommand::StartRun(Box::new(run), maze_on(map)));
 }
 
-/// Continues on `map`.
 pub fn continue_on(map: &Grid, cx: &mut Cx) {
     cx.in_maze(|maze, screen| {
         let new = (*map != *maze.map).then(|| Arc::new(map.clone()));
@@ -91,7 +89,7 @@ pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
     if !is_decided && is_worth_saving(cx) {
         let title = "load a checkpoint without saving this run?";
         let choice = Choice::LoadUnsaved(path);
-        let question = lists::leave(title, "load it", "", choice, Some(&cx.screen.latest));
+        let question = lists::leave(title, "load it", "", choice, Some(&cx.screen.snapshot));
         return cx.screen.open(question);
     }
     cx.screen.notify(&format!("loading {} ...", path.display()));

@@ -149,7 +149,7 @@ pub fn pick_map(cx: &mut Cx, folder: Option<&Path>) {
             .collect();
         entries.sort();
         Box::new(move |Cx { screen, .. }| {
-            let registry = screen.latest.registry.clone();
+            let registry = screen.snapshot.registry.clone();
             screen.open(lists::maps(&here, &entries, is_first.then_some(&*registry)));
         })
     });

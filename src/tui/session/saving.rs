@@ -111,8 +111,9 @@ impl Saver {
         }
     }
 
-    fn ask_file(&self, title: &str, hint: String) -> Prompt {
+    pub fn ask_file(&self, title: &str) -> Prompt {
         let stem = self.to.path().file_stem().map(|s| s.to_string_lossy().into_owned());
+        let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
         Prompt::new(Question::SaveAs, title, hint, stem.unwrap_or_default())
     }
 
@@ -154,7 +155,7 @@ impl Saver {
         } else if self.named.is_some() {
             self.save_and_quit(cx);
         } else if is_worth_saving(cx) {
-            let (latest, is_edited) = (&cx.screen.latest, cx.scene.has_unsaved_map());
+            let (latest, is_edited) = (&cx.screen.snapshot, cx.scene.has_unsaved_map());
             cx.screen.open(lists::quit_choices(latest, is_edited, &self.next_file()));
         } else {
             self.is_done = true;
@@ -162,11 +163,11 @@ impl Saver {
     }
 
     pub fn save_and_quit(&mut self, cx: &mut Cx) {
-        if cx.screen.latest.saved.is_some() && !is_unsaved(cx) {
+        if cx.screen.snapshot.saved.is_some() && !is_unsaved(cx) {
             self.is_done = true;
             return;
         }
-        self.was_training = cx.screen.latest.phase.is_training();
+        self.was_training = cx.screen.snapshot.phase.is_training();
         cx.screen.command(EngineCommand::Pause);
         self.save_then(QUIT, cx);
     }
@@ -183,7 +184,7 @@ impl Saver {
 impl Saver {
     /// Handles the outcome of saves since `before`; returns what to do after one.
     pub fn on_snapshot(&mut self, before: &Snapshot, cx: &mut Cx) -> Option<Choice> {
-        let now = cx.screen.latest.clone();
+        let now = cx.screen.snapshot.clone();
         let mut then = None;
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !Arc::ptr_eq(earlier, path))
@@ -200,7 +201,7 @@ impl Saver {
             self.then.take_if(|then| *then != QUIT);
             if self.then.is_some() {
                 let title = "not saved: save elsewhere and quit (Esc cancels)";
-                let mut prompt = self.ask_file(title, String::new());
+                let mut prompt = self.ask_file(title);
                 prompt.error = Some(now.save_failed.1.clone());
                 cx.screen.open(prompt);
             }
@@ -229,7 +230,7 @@ impl Saver {
             // What has not changed needs no other copy, which would take the place of an older one.
             let map = cx.scene.maze().map(|maze| maze.map.clone());
             let is_edited = cx.scene.has_unsaved_map() && map != self.autosaved_map;
-            if cx.screen.latest.lost_updates() > 0 || is_edited {
+            if cx.screen.snapshot.lost_updates() > 0 || is_edited {
                 self.autosaved_map = map;
                 self.autosave(cx);
             }
@@ -258,47 +259,44 @@ impl Saver {
     }
 }
 
-pub fn ask_file(session: &mut Session) {
-    let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
-    let prompt = session.saver.ask_file("save the checkpoint as", hint);
-    session.open(prompt);
-}
-
 pub fn notes(cx: &Cx) -> Notes {
     Notes { log: cx.screen.log.entries().to_vec(), goal: cx.scene.goal() }
 }
 
 fn is_unsaved(cx: &Cx) -> bool {
-    cx.screen.latest.unsaved_seconds() > 0.0 || has_unsaved_changes(cx)
+    cx.screen.snapshot.unsaved_seconds() > 0.0 || has_unsaved_changes(cx)
 }
 
-/// Whether the map or settings of a saved run have been changed since.
 fn has_unsaved_changes(cx: &Cx) -> bool {
-    cx.screen.latest.has_unsaved_settings() || cx.scene.has_unsaved_map()
+    cx.screen.snapshot.has_unsaved_settings() || cx.scene.has_unsaved_map()
 }
 
 /// Whether enough is unsaved to ask about it: training, or any change of the map or the settings.
 pub fn is_worth_saving(cx: &Cx) -> bool {
-    cx.screen.latest.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
+    cx.screen.snapshot.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
 }
 
-/// Returns the present state if it is worth saving.
 pub fn unsaved(cx: &Cx) -> Option<&Snapshot> {
-    is_worth_saving(cx).then_some(&*cx.screen.latest)
+    is_worth_saving(cx).then_some(&*cx.screen.snapshot)
 }
 
 impl Session {
     /// Ends training, and saves if that is requested and not yet done. The summary says how much is
     /// not saved if the run `is_kept` at all.
     pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
+        if self.elsewhere.is_some() {
+            drop(self);
+            engine.stop();
+            return ClosedRun::default();
+        }
         // A second or two; otherwise its temporary file would stay behind.
         self.writing.take().map(Running::finish);
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
-        self.screen.snapshot = self.screen.latest.clone();
         let job = engine.job().clone();
         let _waiting = Waiting::begin(&job, TWICE, terminal::restore);
-        let failed = self.saver.has_failed || matches!(self.screen.latest.phase, Phase::Failed(_));
+        let failed =
+            self.saver.has_failed || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let (is_wanted, is_worth_saving) = (self.saver.named.is_some(), is_worth_saving(&self));
         let (notes, is_changed) = (notes(&self), has_unsaved_changes(&self));
         let Self { saver, cx, .. } = self;

@@ -60,7 +60,6 @@ impl Tour {
     }
 }
 
-/// Returns the run that the tour shows: always the same.
 pub fn run() -> Run {
     let preset = Preset::Default;
     Run { method: Method::default(), preset, seed: 0, settings: preset.settings() }
@@ -91,7 +90,6 @@ impl TourGuide {
         tour.enter(cx);
     }
 
-    /// Goes to the next step; after the last one, the tour is over.
     pub fn next_step(&mut self, cx: &mut Cx) {
         match &mut self.tour {
             Some(tour) if tour.is_last() => self.end(cx),
@@ -132,7 +130,7 @@ impl TourGuide {
     pub fn advance(&mut self, passed: Duration, cx: &mut Cx) -> bool {
         let screen = &cx.screen;
         let trains = screen.snapshot.phase.is_training() && !screen.pausing;
-        let is_hidden = screen.frozen || screen.maximised || !screen.dialogs.is_empty();
+        let is_hidden = screen.maximised || !screen.dialogs.is_empty();
         let Some(tour) = self.tour.as_mut().filter(|_| trains && !is_hidden) else { return false };
         tour.elapsed += passed.as_secs_f32();
         if tour.elapsed - tour.looked_at < LOOK_INTERVAL_SECS {
@@ -364,7 +362,6 @@ impl TourBridge {
         direct - first - second
     }
 
-    /// Whether the bridge is clear to see.
     fn is_clear(&self) -> bool {
         let [first, second, direct] = self.distances;
         direct >= LEAST_DIRECT_STEPS
@@ -565,7 +562,9 @@ fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
     let maze = scene.maze()?;
     let key = |action| screen.keymap.key_of(action);
     let text = format!(
-        "Click anywhere: @ walks there. Press {} to draw walls, {} for help. Training goes on.",
+        "Click anywhere: @ walks there. {} adds the actor alone, {} draws walls, {} helps. Training goes on. What bridges do, \
+         in nine seconds: gdg-tui compare gdg-bridge gdg trap",
+        key(Action::Toggle(Overlay::Ghost)),
         key(Action::ToggleEdit),
         key(Action::Help)
     );

@@ -84,8 +84,6 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, " ", &["paused, y: now"], &[]),
     (New, SMALL, "  ", &[], &["paused"]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
-    (New, SMALL, ":freeze{enter}", &["frozen"], &[]),
-    (New, SMALL, ":freeze{enter}:freeze{enter}", &[], &["frozen"]),
     // Help, the list of all actions, and keys without a meaning.
     (New, TINY, "?", &["the learned distance", "pause or"], &[]),
     (New, SMALL, "?undo", &["undo an edit"], &["pause or resume"]),

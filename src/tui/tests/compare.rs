@@ -27,7 +27,6 @@ impl App {
         self.comparison().sessions.each_mut()
     }
 
-    /// Shows a snapshot or a view on a side.
     fn follow(&mut self, side: usize, snapshot: &Arc<Snapshot>, view: &View) {
         let comparison = self.comparison();
         comparison.sessions[side].on_snapshot(snapshot.clone());
@@ -85,13 +84,12 @@ pub(super) fn staged(width: u16, height: u16) -> App {
         let mut view = staged_view(app);
         view.goal.1 = app.screen.goal_request;
         view.reach.arrived = side == 0;
-        let snapshot = app.screen.latest.clone();
+        let snapshot = app.screen.snapshot.clone();
         comparison.follow(side, &snapshot, &view);
     }
     comparison
 }
 
-/// Returns the character that shows the centre of `cell` on a side.
 fn character_of(comparison: &mut App, side: usize, cell: Cell) -> Position {
     let frame = comparison.apps()[side].screen.layout.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
@@ -147,7 +145,7 @@ fn what_is_shown_changes_on_both_sides() {
         draw(&mut comparison, 80, 24);
         let [a, b] = comparison.apps().map(|app| {
             let (screen, maze) = (&app.screen, app.maze());
-            (screen.field, screen.overlays, maze.viewport, maze.inspecting, screen.frozen)
+            (screen.field, screen.overlays, maze.viewport, maze.inspecting)
         });
         assert_eq!(a, b, "after {key}");
     }

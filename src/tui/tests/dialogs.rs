@@ -25,7 +25,7 @@ fn errors_are_shown_in_full_and_in_their_own_colour() {
 #[test]
 fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
     let path = Path::new("saves").join(format!("{}END.safetensors", "a-very-long-name-".repeat(6)));
-    let mut unsaved = Snapshot::clone(&still().screen.latest);
+    let mut unsaved = Snapshot::clone(&still().screen.snapshot);
     unsaved.counters.updates = 223_456_789;
     for question in [
         lists::quit_choices(&unsaved, true, &path),

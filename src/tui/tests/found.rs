@@ -92,7 +92,7 @@ fn what_takes_long_is_shown_and_keys_pressed_meanwhile_are_taken() {
     press(&mut app, KeyCode::Char(' '));
     assert!(shown_by(&mut app, 80, 24).contains(" pausing: saving, 1 s, 50 % "));
     drop(saving);
-    let mut snapshot = (*app.screen.latest).clone();
+    let mut snapshot = (*app.screen.snapshot).clone();
     let since = Instant::now().checked_sub(Duration::from_millis(3_100)).expect("a time");
     snapshot.next_evaluation = gdg::engine::NextEvaluation::Running(since);
     snapshot.evaluation_progress = half;

@@ -3,7 +3,6 @@
 use super::*;
 use crate::tui::choices::{Overlay, Pane};
 
-/// Clicks on the first place that shows `text`.
 fn click_on(app: &mut impl Driven, (width, height): (u16, u16), text: &str) {
     let at = place_of(&shown_by(app, width, height), text);
     click(app, MouseButton::Left, at);
@@ -42,7 +41,6 @@ fn wide() -> App {
     app
 }
 
-/// Scrolls up at a position, `times` times.
 fn turn_wheel(app: &mut App, at: Position, times: usize) {
     for _ in 0..times {
         mouse(app, MouseEventKind::ScrollUp, at);

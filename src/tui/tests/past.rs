@@ -121,12 +121,6 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
     assert!(Arc::ptr_eq(&fields, &app.maze().view.fields), "the past does not change");
-    // A frozen screen does not change, but one can look back.
-    app.act(Action::Freeze);
-    let updates = app.screen.snapshot.counters.updates;
-    press(&mut app, KeyCode::Char(']'));
-    wait_until(&mut app, |app| app.shown_past().is_some_and(|frame| frame.updates > 1));
-    assert_eq!(app.screen.snapshot.counters.updates, updates);
     press(&mut app, KeyCode::Esc);
     wait_until(&mut app, |app| {
         app.shown_past().is_none() && app.screen.snapshot.counters.updates > updates

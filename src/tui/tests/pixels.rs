@@ -11,7 +11,6 @@ use crate::tui::theme::Rgb;
 
 pub(super) const GRAPHICS: Graphics = Graphics { character: (8, 16) };
 
-/// Returns an app on a terminal that shows pictures.
 fn app_with_pictures() -> App {
     let mut app = app();
     app.set_graphics(Some(GRAPHICS), Redraw::All);

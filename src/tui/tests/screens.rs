@@ -181,7 +181,6 @@ fn every_field_can_be_shown() {
     assert_eq!(app.screen.field, Field::Learned, "and round");
 }
 
-/// Returns whether a character shows floor in any of its pixels.
 fn shows_floor(frame: &MapFrame, map: &Grid, at: Position) -> bool {
     let (across, down) = frame.marker.pixels();
     (0..across * down).any(|n| {

@@ -10,7 +10,6 @@ use gdg::learn::{Policy, Scratch};
 use gdg::map::builtin;
 use gdg::viewer::OnArrival;
 
-/// Networks that have learned this D.
 struct Fake(fn(&[f32], &[f32]) -> f32);
 
 impl Policy for Fake {

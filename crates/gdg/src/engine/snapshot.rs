@@ -243,17 +243,6 @@ impl Snapshot {
         self.saved.is_some() && self.run != self.saved_run
     }
 
-    /// Copies the user's choices, but not training progress, from `latest`, a later snapshot of the
-    /// same run.
-    pub fn follow_decisions(&mut self, latest: &Self) {
-        (self.run, self.methods, self.learns) =
-            (latest.run.clone(), latest.methods.clone(), latest.learns);
-        (self.phase, self.limits, self.speed) = (latest.phase.clone(), latest.limits, latest.speed);
-        (self.saved, self.saved_seconds) = (latest.saved.clone(), latest.saved_seconds);
-        self.saved_run = latest.saved_run.clone();
-        self.autosaves = latest.autosaves.clone();
-    }
-
     pub fn is_edited_since(&self, updates: u64) -> bool {
         self.edits.last().is_some_and(|at| *at >= updates)
     }

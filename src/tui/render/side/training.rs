@@ -15,7 +15,7 @@ use gdg::text::{grouped, sanitized};
 use gdg::train::{DistanceScore, Score};
 
 /// The meanings of the numbers, by their names in the pane.
-pub const MEANINGS: [(&str, &str); 22] = [
+pub const MEANINGS: [(&str, &str); 23] = [
     ("elapsed", "time spent training"),
     ("left", "time until the run reaches its limit"),
     ("updates", "gradient steps so far, and per second"),
@@ -33,6 +33,7 @@ pub const MEANINGS: [(&str, &str); 22] = [
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
     ("next", "when they are measured again"),
+    ("saved", "when its program saved what is shown"),
     ("explored", "visited share of the reachable cells"),
     ("moves", "steps that move what has to be moved"),
     ("bridges", "bridge candidates, and edges between them"),
@@ -152,7 +153,6 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     lines
 }
 
-/// Describes how long ago the latest evaluation was, at update `at`.
 fn age(screen: &Screen, at: u64) -> String {
     match screen.snapshot.updates().saturating_sub(at) {
         0 => "just now".to_owned(),
@@ -160,8 +160,12 @@ fn age(screen: &Screen, at: u64) -> String {
     }
 }
 
-/// Describes when the next evaluation comes, and which key starts one now.
+/// Describes when the next evaluation comes, and which key starts one now; of a run that another
+/// program trains, when it was saved.
 fn next(screen: &Screen) -> Line<'static> {
+    if let Some([_, saved]) = &screen.elsewhere {
+        return fact("saved", saved.clone());
+    }
     if !screen.snapshot.learns {
         return fact("next", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
     }

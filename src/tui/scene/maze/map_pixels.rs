@@ -68,7 +68,6 @@ impl Cache {
         self.is_shown = false;
     }
 
-    /// Returns the picture that belongs to the frame, if there is one.
     pub fn picture(&self) -> Option<&TerminalPicture> {
         self.picture.as_ref().filter(|_| self.is_shown)
     }
@@ -254,12 +253,10 @@ impl BaseLayer {
     }
 }
 
-/// Returns the cell of the goal that distances are shown to.
 fn shown_cell(maze: &MazeState) -> Cell {
     maze.past().and_then(|frame| cell_of_goal(&frame.goal, &maze.map)).unwrap_or(maze.goal)
 }
 
-/// What is known of the cells.
 struct Known<'a> {
     maze: &'a MazeState,
     field: Field,

@@ -1,0 +1,169 @@
+//! A run that another program trains, here or on another machine that sees the folder: its checkpoint
+//! and its records are read again whenever they change. Nothing is locked or written.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use tokio::sync::watch;
+
+use super::Session;
+use crate::experiment::saved_runs::{RunKind, RunState, SavedRun, file};
+use crate::setup::outputs::is_same_file;
+use crate::setup::saves::ago;
+use gdg::engine::{EngineCommand, EngineNotice, Snapshot};
+
+const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// What distinguishes versions of a file: when it was written, and its size.
+type Stamp = (SystemTime, u64);
+
+fn stamp(path: &Path) -> Option<Stamp> {
+    let found = std::fs::metadata(path).ok()?;
+    Some((found.modified().ok()?, found.len()))
+}
+
+/// Such a run, from before its checkpoint is opened, so that no later version is missed.
+pub struct TrainedElsewhere {
+    checkpoint: PathBuf,
+    /// The version of the checkpoint that is shown, or being opened.
+    shown: Option<Stamp>,
+    seen: watch::Receiver<Seen>,
+}
+
+#[derive(Clone, Default)]
+struct Seen {
+    checkpoint: Option<Stamp>,
+    records: Option<Stamp>,
+    told: Arc<Vec<SavedRun>>,
+}
+
+impl TrainedElsewhere {
+    /// Begins to look at its files, on a thread of its own, as a network may hang.
+    pub fn look(checkpoint: PathBuf, records: PathBuf) -> std::io::Result<Self> {
+        let shown = stamp(&checkpoint);
+        let (publish, seen) = watch::channel(Seen { checkpoint: shown, ..Seen::default() });
+        let path = checkpoint.clone();
+        let look = move || {
+            while !publish.is_closed() {
+                let before = publish.borrow().clone();
+                let mut now = Seen { checkpoint: stamp(&path), ..before.clone() };
+                let grown = stamp(&records).filter(|grown| before.records != Some(*grown));
+                if let Some((written, runs)) = grown.zip(file(&records).ok()) {
+                    let dated = |run| SavedRun { written: Some(written.0), ..run };
+                    now.records = grown;
+                    now.told = Arc::new(runs.into_iter().map(dated).collect());
+                }
+                if (now.checkpoint, now.records) != (before.checkpoint, before.records) {
+                    publish.send_replace(now);
+                }
+                std::thread::sleep(LOOK_INTERVAL);
+            }
+        };
+        std::thread::Builder::new().name("files".to_owned()).spawn(look)?;
+        Ok(Self { checkpoint, shown, seen })
+    }
+
+    /// Returns what the records tell of the run in `snapshot`, the latest of several like it.
+    fn told(&self, snapshot: &Snapshot) -> Option<SavedRun> {
+        let (method, seed) = (snapshot.run.method.name(), snapshot.run.seed);
+        let is_own = |told: &&SavedRun| {
+            told.kind == RunKind::Records && (&told.method, told.seed) == (&method, seed)
+        };
+        self.seen.borrow().told.iter().rfind(is_own).cloned()
+    }
+
+    /// Returns the run as last saved, with what its records tell of it since: how far it is, and its
+    /// evaluations. It goes on from what was shown `before` unless its map is another.
+    pub fn with_records(&self, saved: &Snapshot, before: &Snapshot) -> Snapshot {
+        let mut now = saved.clone();
+        let is_same = (&now.title, now.run.seed, &now.edits)
+            == (&before.title, before.run.seed, &before.edits);
+        now.generation = before.generation + u64::from(!is_same);
+        if !now.notice.is_error {
+            now.notice = EngineNotice::default();
+        }
+        if let Some(told) = self.told(saved) {
+            let last = now.evaluations.last().map_or(0, |(updates, _)| *updates);
+            let later = told.evaluations.iter().filter(|at| at.updates > last);
+            let later = later.map(|at| (at.updates, at.evaluation.clone()));
+            Arc::make_mut(&mut now.evaluations).extend(later);
+            let progress = &told.progress;
+            if progress.updates > now.counters.updates {
+                now.counters.updates = progress.updates;
+                now.counters.env_steps = progress.env_steps;
+                now.counters.episodes = progress.episodes;
+                now.seconds = progress.seconds;
+            }
+            if told.state() == RunState::Running {
+                now.rates.0 = progress.updates_per_second.unwrap_or_default();
+                now.rates.1 = progress.env_steps as f64 / progress.seconds.max(1.0);
+                let since = told.written.and_then(|at| at.elapsed().ok()).unwrap_or_default();
+                now.seconds_left = progress.left.map(|left| (left - since.as_secs_f64()).max(0.0));
+            }
+        }
+        // Nothing of it is this program's to save.
+        now.saved_seconds = now.seconds;
+        now.saved = now.saved.map(|(_, file)| (now.counters.updates, file));
+        now
+    }
+
+    /// Says in a word or two what the run does, and when what is shown of it was saved.
+    fn state(&self, snapshot: &Snapshot) -> [String; 2] {
+        let what = match self.told(snapshot).map(|told| told.state()) {
+            None | Some(RunState::Running) => "watching".to_owned(),
+            Some(state) => format!("watching: {}", state.name()),
+        };
+        let saved = match self.seen.borrow().checkpoint {
+            None => "file is gone".to_owned(),
+            Some(_) if snapshot.notice.is_error => "cannot be read".to_owned(),
+            Some((written, _)) => ago(written).unwrap_or_default(),
+        };
+        [what, saved]
+    }
+}
+
+impl Session {
+    pub fn watch(&mut self, files: TrainedElsewhere) {
+        (self.elsewhere, self.saver.offers) = (Some(files), false);
+        self.follow_files();
+        self.screen.refuse_to_train();
+    }
+
+    /// Opens the checkpoint again if it has changed, and shows what is new; returns whether anything is.
+    pub fn follow_files(&mut self) -> bool {
+        let Some(run) = &mut self.elsewhere else { return false };
+        let is_new = run.seen.has_changed().unwrap_or_default();
+        let now = run.seen.borrow_and_update().checkpoint;
+        let load = || EngineCommand::Load(run.checkpoint.clone());
+        if now.is_some() && now != run.shown && self.cx.screen.engine.send(load()) {
+            run.shown = now;
+        }
+        let state = Some(run.state(&self.cx.screen.snapshot));
+        let is_newer = state != self.cx.screen.elsewhere;
+        self.screen.elsewhere = state;
+        if is_new {
+            self.show_latest();
+        }
+        is_new || is_newer
+    }
+
+    pub fn ask_for_copy(&mut self) {
+        self.saver.leave_file();
+        self.open(self.saver.ask_file("train a copy, saved as"));
+    }
+
+    /// Leaves the run to the other program, for a copy in the file `copy`; returns whether there was
+    /// such a run, or why the copy cannot be there.
+    pub fn leave_to_other(&mut self, copy: &Path) -> Result<bool, String> {
+        if self.elsewhere.as_ref().is_some_and(|run| is_same_file(&run.checkpoint, copy)) {
+            return Err("another program trains that file: enter another name".to_owned());
+        }
+        let was_elsewhere = self.elsewhere.take().is_some();
+        if was_elsewhere {
+            (self.screen.elsewhere, self.saver.offers) = (None, true);
+            self.show_latest();
+        }
+        Ok(was_elsewhere)
+    }
+}
