@@ -144,10 +144,8 @@ impl BridgeGraph {
             let cost = self.link(Some(*i), &nearest, *distance)?.cost + self.hop_steps();
             Some((*i as u32, cost_units(cost)))
         });
-        {
-            let links = links.collect();
-            self.route_from_links(goal, nearest, links)
-        }
+        let links = links.collect();
+        self.route_from_links(goal, nearest, links)
     }
 
     /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or
