@@ -216,6 +216,8 @@ impl<'a> Reference<'a> {
                 if batch.greedy_targets && !(self.shapes.model_check && left_out[i]) {
                     let next = self.prediction(&self.model, &state, &self.action(&state, &goal));
                     target = target.min(1.0 + self.joint_distance(&next, &goal));
+                } else if batch.greedy_targets && !batch.relearns {
+                    target = target.min(self.joint_distance(&state, &goal));
                 }
             }
             target = target.min(batch.bound[i].into());

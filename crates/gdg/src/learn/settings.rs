@@ -87,7 +87,8 @@ settings! {
                 ablation: without("targets from behaviour alone", "false");
             /// Where the model takes a wall for open ground, the lookahead makes D too short.
             model_check: bool = true, Paper | Tuned | Sb3 => false;
-                "leave pairs out of greedy_targets whose own step the dynamics model mispredicts",
+                "leave pairs out of greedy_targets whose own step the dynamics model mispredicts; \
+                        they raise no distance",
                 ablation: without("no check of the model before targets", "false");
             hindsight_bound: bool = true, Paper => false;
                 "cap targets at the steps in which a trajectory reached the goal",

@@ -106,6 +106,10 @@ const LENGTHS: usize = 32;
 /// Decay of earlier outcomes with each new one, as the actor keeps learning.
 pub(crate) const HOP_FORGETTING: f32 = 0.99;
 
+/// Most failures per arrival at which hops count as arriving: .00 to .01 in a city, .15 to .21 in
+/// corridors one cell wide while D is off there.
+const MOST_FAILURES: f32 = 0.05;
+
 /// Outcomes of hops by D at their start. Hops into walls that the networks have not learned yet and
 /// hops that are too long for the actor fail alike: plans should prefer shorter ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,10 +142,19 @@ impl HopOutcomes {
     /// Returns the failures per arrival of hops of up to `distance` steps, pooled over their
     /// lengths.
     pub fn failures_within(&self, distance: f32) -> f32 {
-        let [arrived, failed] = self.counts[..=bin(distance)]
-            .iter()
-            .fold([0.0; 2], |[a, f], [arrived, failed]| [a + arrived, f + failed]);
+        let [arrived, failed] = self.total_within(distance);
         failed / (arrived + 1.0)
+    }
+
+    fn total_within(&self, distance: f32) -> [f32; 2] {
+        let counts = self.counts[..=bin(distance)].iter();
+        counts.fold([0.0; 2], |[a, f], [arrived, failed]| [a + arrived, f + failed])
+    }
+
+    /// Whether nearly all hops of up to `distance` steps arrive, as far as is known.
+    pub fn arrive(&self, distance: f32) -> bool {
+        let [arrived, failed] = self.total_within(distance);
+        failed + 1.0 <= MOST_FAILURES * (arrived + 1.0)
     }
 
     pub fn counts(&self) -> &[[f32; 2]] {
@@ -198,6 +211,8 @@ mod tests {
         assert!((hops.failures(7.5) - 1.0).abs() < 0.05, "{}", hops.failures(7.5));
         assert_eq!(hops.failures(8.5), 0.0, "another length");
         assert!((hops.failures_within(7.0) - 0.33).abs() < 0.05, "{}", hops.failures_within(7.0));
+        assert!(hops.arrive(6.9) && !hops.arrive(7.0));
+        assert!(!HopOutcomes::default().arrive(7.0), "nobody has walked yet");
         assert_eq!(hops.failures_within(6.9), 0.0);
         assert!(hops.failures(500.0) > 50.0 && hops.is_plausible());
         (0..500).for_each(|_| hops.record(7.0, true));

@@ -144,10 +144,8 @@ impl BridgeGraph {
             let cost = self.link(Some(*i), &nearest, *distance)?.cost + self.hop_steps();
             Some((*i as u32, cost_units(cost)))
         });
-        {
-            let links = links.collect();
-            self.route_from_links(goal, nearest, links)
-        }
+        let links = links.collect();
+        self.route_from_links(goal, nearest, links)
     }
 
     /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or
@@ -371,6 +369,7 @@ impl BridgeGraph {
             pairs: Vec::new(),
             near: 0,
             hop_steps,
+            walks_arrive: self.candidates.hops().arrive(self.candidates.settings.edge_cutoff_steps),
         };
         let mut nearest = vec![f32::INFINITY; count];
         for number in 0..goals {

@@ -102,20 +102,20 @@ impl Batch {
     /// Replaces pair `i` with one that is `steps` apart along the bridge graph (distillation).
     ///
     /// A path through the graph exists, so its length is an upper bound. A part of it is a lower
-    /// bound, which raises D where it is far too short. In between, the actor's one-step lookahead
-    /// decides: if D followed the graph, it would inherit the graph's detours, and so would the
-    /// next graph, whose edges are as long as D says.
+    /// bound `at_least`, which raises D where it is far too short. In between, the actor's one-step
+    /// lookahead decides: if D followed the graph, it would inherit the graph's detours, and so would
+    /// the next graph, whose edges are as long as D says.
     pub fn set_graph_distance(
         &mut self,
         i: usize,
         state: &[f32],
         [goal, waypoint]: [&[f32]; 2],
-        steps: f32,
+        [at_least, steps]: [f32; 2],
     ) {
         self.begin_at(i, state, steps);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
         self.actor_goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(waypoint);
-        self.lower[i] = (GRAPH_LOWER_FACTOR * steps - GRAPH_LOWER_SLACK_STEPS).max(0.0);
+        self.lower[i] = at_least;
     }
 
     /// Moves the start of pair `i` to another state, at most `bound` steps from its goal. The
@@ -284,7 +284,9 @@ impl BatchSampler {
             };
             let towards = if self.settings.actor_waypoints { waypoint } else { to };
             let goals = [to, towards].map(|place| known.goals.goal(place as usize));
-            batch.set_graph_distance(i, state_of(from as usize), goals, steps);
+            let part = (GRAPH_LOWER_FACTOR * steps - GRAPH_LOWER_SLACK_STEPS).max(0.0);
+            let at_least = if known.by_goal.walks_arrive { part } else { 0.0 };
+            batch.set_graph_distance(i, state_of(from as usize), goals, [at_least, steps]);
             for limit in [&mut batch.bound[i], &mut batch.lower[i]] {
                 *limit = limit.min(self.max_distance());
             }
@@ -488,6 +490,10 @@ mod tests {
             assert_eq!((batch.steps[i], batch.bootstrap[i]), (0.0, 1.0), "lookahead decides");
         }
         assert!(batch.lower[16..].iter().all(|steps| *steps == 0.0), "others stay");
+        let astray = DistancesByGoal { walks_arrive: false, ..both_ways.clone() };
+        sampler.add_known(&KnownDistances { by_goal: &astray, ..known }, &[], rng, batch);
+        assert!(batch.lower.iter().all(|steps| *steps == 0.0), "paths may be far too long");
+        assert!(batch.bound[..16].iter().all(|steps| [80.0, 200.0].contains(steps)));
         let short = [pair(1, 0, 30.0), pair(0, 1, 20.0)];
         sampler.add_known(&known, &short, rng, batch);
         assert_eq!(batch.bound[14..16], [30.0, 20.0]);

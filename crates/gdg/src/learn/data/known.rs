@@ -76,6 +76,9 @@ pub struct DistancesByGoal {
     pub near: usize,
     /// The overhead of a first hop, which paths that start exactly at a place do not have.
     pub hop_steps: f32,
+    /// Whether agents that walk along the graph arrive. Otherwise D is off between near places, and
+    /// paths, whose parts are as long as D says, are far too long.
+    pub walks_arrive: bool,
 }
 
 impl DistancesByGoal {
@@ -152,6 +155,7 @@ pub(in crate::learn) mod tests {
             pairs: paths.map(|i| i as u32).collect(),
             near: 0,
             hop_steps: 0.0,
+            walks_arrive: true,
         }
     }
 }

@@ -30,7 +30,7 @@ pub struct Steps<'a> {
 }
 
 /// Returns some `rows` of `numbers`, which are `width` wide.
-fn chosen(rows: &[usize], numbers: &[f32], width: usize) -> Vec<f32> {
+pub fn chosen(rows: &[usize], numbers: &[f32], width: usize) -> Vec<f32> {
     rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
 }
 

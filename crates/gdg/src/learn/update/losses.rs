@@ -2,6 +2,7 @@
 
 use crate::learn::data::batch::{Batch, RAISE_FACTOR, RAISE_STEPS};
 use crate::learn::networks::encoder::{Pairs, Workspace, resized};
+use crate::learn::networks::lookahead::chosen;
 use crate::learn::networks::mlp::GradientRequest;
 use crate::learn::networks::network::Weights;
 use crate::learn::networks::policy::Nets;
@@ -48,10 +49,11 @@ impl Shapes {
     }
 
     /// Computes targets of D: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
-    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]) unless the model
-    /// mispredicts the row's own step. Both are kept within the bounds that hindsight or the bridge
-    /// graph give, and raised to them little by little while distances are relearned. D' and mu' use
-    /// the running averages.
+    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]), or at D'(s, g) if
+    /// the model mispredicts the row's own step: most such steps end at a wall, and say little about
+    /// how far it is. Both are kept within the bounds that hindsight or the bridge graph give, and
+    /// raised to them little by little while distances are relearned, when those steps count as
+    /// others do. D' and mu' use the running averages.
     fn distance_targets(
         &self,
         rows: &Rows,
@@ -79,9 +81,21 @@ impl Shapes {
             after_actor.resize(rows.steps.len(), 0.0);
             self.distances_between(critics, after, rows.goals, after_actor, &mut networks.critic);
             networks.model.y = next;
-            for (x, (d, left_out)) in targets.iter_mut().zip(after_actor.iter().zip(left_out)) {
+            for (x, (d, left_out)) in targets.iter_mut().zip(after_actor.iter().zip(&left_out)) {
                 if !left_out {
                     *x = x.min(1.0 + d);
+                }
+            }
+            if !rows.relearns {
+                let stays = |row: &usize| left_out[*row] && rows.bootstrap[*row] > 0.0;
+                let stay: Vec<usize> = (0..left_out.len()).filter(stays).collect();
+                let [from, to] =
+                    [(rows.states, s), (rows.goals, rows.goals.len() / left_out.len())]
+                        .map(|(numbers, width)| chosen(&stay, numbers, width));
+                let own = resized(after_actor, stay.len());
+                self.distances_between(critics, &from, &to, own, &mut networks.critic);
+                for (row, own) in stay.into_iter().zip(own) {
+                    targets[row] = targets[row].min(*own);
                 }
             }
         }
