@@ -10,7 +10,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
-use signal_hook::consts::SIGINT;
+use signal_hook::consts::{SIGINT, SIGQUIT};
 
 /// Settings that keep a run small.
 const SMALL: [&str; 6] =
@@ -257,12 +257,14 @@ pub fn headless(folder: &Path, args: &[&str]) -> Command {
 
 /// Returns a command for the program with its working folder and home in `folder`.
 pub fn isolated_command(folder: &Path) -> Command {
-    // In the background of a script, SIGINT is ignored, also by what is started. What has a handler
-    // here has none there.
+    // In the background of a script, SIGINT and SIGQUIT are ignored, also by what is started. What
+    // has a handler here has none there.
     static HANDLED: Once = Once::new();
     HANDLED.call_once(|| {
         let ends = Arc::new(AtomicBool::new(true));
-        signal_hook::flag::register_conditional_default(SIGINT, ends).unwrap();
+        for signal in [SIGINT, SIGQUIT] {
+            signal_hook::flag::register_conditional_default(signal, ends.clone()).unwrap();
+        }
     });
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
     command.current_dir(folder).env("NO_COLOR", "1");
