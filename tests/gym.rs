@@ -887,6 +887,17 @@ import beside, other
     let edited = resumed(&|_| {});
     assert!(edited.status.success(), "{}", stderr(&edited));
     assert_says(&stderr(&edited), "beside.py has changed since the run was saved: it goes on");
+    // Beside a package, too.
+    let package = own.join("awkward");
+    std::fs::create_dir(&package).unwrap();
+    std::fs::rename(own.join("awkward.py"), package.join("__init__.py")).unwrap();
+    let mut first =
+        train(folder.path(), "Point", &["--max-updates", "30", "--save", "run-2.safetensors"]);
+    assert!(first.env("PYTHONPATH", &paths).output().unwrap().status.success());
+    std::fs::write(own.join("beside.py"), "edited = 2").unwrap();
+    let mut again = resume(folder.path(), "run-2.safetensors", &["--max-updates", "40"]);
+    let again = again.env("PYTHONPATH", &paths).output().unwrap();
+    assert_says(&stderr(&again), "beside.py has changed since the run was saved: it goes on");
     let known = [&same, &edited].map(|run| records(run, "start")[0]["fingerprint"].clone());
     assert_ne!(known[0], known[1]);
     // What was found out belongs to the run.

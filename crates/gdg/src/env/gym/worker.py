@@ -375,7 +375,8 @@ def sources(*modules):
     places, found, left = {}, {}, MOST_READ
     for top in (sys.modules.get(name.split(".")[0]) for name in modules):
         for folder in map(os.path.realpath, getattr(top, "__path__", ())):
-            places[folder + os.sep] = os.path.dirname(folder)
+            beside = os.path.dirname(folder) + os.sep
+            places[folder + os.sep if INSTALLED.search(beside) else beside] = beside
         if not hasattr(top, "__path__") and getattr(top, "__file__", None):
             file = os.path.realpath(top.__file__)
             beside = os.path.dirname(file) + os.sep
