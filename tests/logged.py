@@ -41,6 +41,9 @@ class Recorder:
     def log(self, values, step):
         self.own.append(step)
 
+    def picture(self, path, step):
+        pass
+
     def close(self):
         pass
 
@@ -126,6 +129,13 @@ for other in {"eval_tasks": 9}, {"edit_at": ["150:3 x 3, a"]}, {"fingerprint": "
 edit = {"event": "edit", "updates": 150}
 edited = ("b", {"fingerprint": "3 x 3, a", "eval_tasks": 9}, [])
 assert curves(edited, ("a", {"edit_at": ["150:3 x 3, a"]}, [edit])) == [sorted([150, *WHOLE])]
+(job,) = pathlib.Path("jobs").glob("*.json")
+os.chdir("jobs")
+Recorder.steps = {}
+assert gdg_tui.log.main(["--to", "recorder", job.name]) == 0
+os.chdir("..")
+(name,) = Recorder.steps
+assert name.startswith("fourrooms-gdg-bridge-hidden=16") and int(name[-12:], 16), name
 for name, text in [("map.txt", "S.G"), ("list.json", "[1]"), ("job.json", "{}"), ("none.jsonl", None)]:
     if text:
         pathlib.Path(name).write_text(text)

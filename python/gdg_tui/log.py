@@ -143,7 +143,7 @@ def read(path: pathlib.Path) -> list[list[dict[str, Any]]]:
             evaluations = [{"event": "evaluation", **dict(at)} for at in job.pop("evaluations")]
         except (KeyError, RecursionError, TypeError, ValueError) as error:
             raise NoRecords(f"{path}: no result of a job") from error
-        end = {"event": "end", "picture": path.parents[1] / "pictures" / f"{path.stem}.png"}
+        end = {"event": "end", "picture": path.absolute().parents[1] / "pictures" / f"{path.stem}.png"}
         return [[{"event": "start", **job, "updates": 0}, *evaluations, end]]
     parts, notes = [], []
     for record in records(text.splitlines(), str(path), notes.append):
@@ -240,7 +240,7 @@ def log(options: argparse.Namespace) -> int:
             run = None
         if event == "start":
             name, config = described(record)
-            before, own = saved.get(record.get("resumed")), {"name": name, **record}
+            before, own = saved.get(record.get("resumed")), {**record, "name": name}
             if before and goes_on(own, before):
                 own = {**own, "name": before["name"], "edited": before.get("edited")}
             run = SERVICES[options.to](options.project, own["name"], config, step)

@@ -89,9 +89,8 @@ impl Shapes {
             if !rows.relearns {
                 let stays = |row: &usize| left_out[*row] && rows.bootstrap[*row] > 0.0;
                 let stay: Vec<usize> = (0..left_out.len()).filter(stays).collect();
-                let [from, to] =
-                    [(rows.states, s), (rows.goals, rows.goals.len() / left_out.len())]
-                        .map(|(numbers, width)| chosen(&stay, numbers, width));
+                let [from, to] = [(rows.states, s), (rows.goals, self.encoder.spec.goal_dim())]
+                    .map(|(numbers, width)| chosen(&stay, numbers, width));
                 let own = resized(after_actor, stay.len());
                 self.distances_between(critics, &from, &to, own, &mut networks.critic);
                 for (row, own) in stay.into_iter().zip(own) {
