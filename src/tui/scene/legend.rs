@@ -26,7 +26,7 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 
 const MIN_TEXT_WIDTH: usize = 20;
 
-/// An actor stands still once it has not left a place for so many steps.
+/// The actor stands still after this many steps in one place.
 const STANDS_STEPS: u32 = 20;
 
 /// Returns a field's name, the values at both ends, and a bar of `bar` characters if it has one.

@@ -86,7 +86,7 @@ impl Shapes {
                     *x = x.min(1.0 + d);
                 }
             }
-            if !rows.relearns {
+            if self.model_check && !rows.relearns {
                 let stays = |row: &usize| left_out[*row] && rows.bootstrap[*row] > 0.0;
                 let stay: Vec<usize> = (0..left_out.len()).filter(stays).collect();
                 let [from, to] = [(rows.states, s), (rows.goals, self.encoder.spec.goal_dim())]
