@@ -235,7 +235,7 @@ impl Scene {
         legend::lines(&**self, screen)
     }
 
-    pub fn both_walks(&self, screen: &Screen) -> Option<[String; 2]> {
+    pub fn both_walks(&self, screen: &Screen) -> Option<Vec<String>> {
         legend::both_walks(&**self, screen)
     }
 
