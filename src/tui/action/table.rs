@@ -322,10 +322,6 @@ const PANES: &[Binding] = &[
         None => s.screen.say("no messages yet"),
     })
     .about("all messages of this run, the latest first", "log events history notices errors"),
-    bind(A::Scroll(-1), "scroll-back", &["pageup"], |s, _| s.screen.scroll(-1))
-        .about("scroll curves back", "page up earlier"),
-    bind(A::Scroll(1), "scroll-on", &["pagedown"], |s, _| s.screen.scroll(1))
-        .about("scroll curves forward", "page down later"),
 ];
 
 const MAP_EDITOR: &[Binding] = &[

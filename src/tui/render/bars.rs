@@ -150,18 +150,16 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
 
 fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<Hint> {
     let help = (Action::Help, "help ");
-    if scene.is_editing() {
-        let key = screen.keymap.key_of(Action::Apply);
-        return vec![(format!("draw by mouse, or by arrows and {key} \u{b7}"), vec![help])];
-    }
     let mono = screen.theme.depth == ColourDepth::Mono;
     let colours = if mono { "@ walks to G" } else { "light = near G" };
     let all = format!("{colours} \u{b7} click: a new goal \u{b7}");
-    vec![
-        (format!("{all} new here? gdg-tui tour \u{b7}"), vec![help]),
-        (all, vec![help]),
-        ("click: goal \u{b7}".to_owned(), vec![help]),
-    ]
+    let texts = if scene.is_editing() {
+        let key = screen.keymap.key_of(Action::Apply);
+        vec![format!("draw by mouse, or by arrows and {key} \u{b7}")]
+    } else {
+        vec![format!("{all} new here? gdg-tui tour \u{b7}"), all, "click: goal \u{b7}".to_owned()]
+    };
+    texts.into_iter().map(|text| (text, vec![help])).collect()
 }
 
 const MAX_NOTICE_ROWS: usize = 4;

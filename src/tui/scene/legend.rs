@@ -198,18 +198,12 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
         (false, true) => format!("stands{place}{since}"),
         (false, false) => format!("has taken {}", ghost.steps),
     };
-    let [short, shorter] =
-        [actor.replace(place, ""), actor.replace(&(place.to_owned() + &since), "")];
-    if !plans {
-        return stands.then(|| vec![format!("the actor {actor}"), format!("actor {short}")]);
-    }
-    let plan = if reach.arrived { "plan arrived in" } else { "plan has taken" };
-    let steps = counted(u64::from(reach.steps), "step");
-    Some(vec![
-        format!("{plan} {steps}; the actor {actor}"),
-        format!("{plan} {}; actor {short}", reach.steps),
-        format!("{plan} {}; actor {shorter}", reach.steps),
-    ])
+    let plan = if reach.arrived { "arrived in" } else { "has taken" };
+    let plan = format!("plan {plan} {}; ", counted(u64::from(reach.steps), "step"));
+    let full = format!("{}the actor {actor}", if plans { &plan } else { "" });
+    let short = full.replace("the actor", "actor").replace(place, "").replace(" steps;", ";");
+    let shorter = short.replace(&since, "");
+    (plans || stands).then(|| vec![full, short, shorter])
 }
 
 /// Returns the lines about the walking agent, with sentences within `width` columns.

@@ -73,7 +73,7 @@ pub fn set_theme(screen: &mut Screen, name: ThemeName) {
 /// Shows a pane: instead of the map if there is no room beside it.
 pub fn show(cx: &mut Cx, action: Action) {
     if let Action::Show(pane) = action {
-        (cx.screen.pane, cx.screen.scrolled) = (pane, 0);
+        cx.screen.pane = pane;
         cx.screen.maximised |= cx.screen.layout.lacks_panel;
     }
 }
