@@ -28,7 +28,7 @@ use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
     ReplaySizes, Scratch, Threads, TrainingData, TrainingPhase,
 };
-pub use change::{WorldChange, resets_networks};
+pub use change::{Edit, WorldChange, resets_networks};
 use graphs::{BuiltGraph, Graphs};
 use persistence::LastGood;
 pub use persistence::{About, Recovery, Saved};
@@ -71,6 +71,8 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
+    /// Changes of the world to come.
+    pub edits: Vec<Edit>,
     /// Counters and seconds at the first update in this process, or with these settings, and then at
     /// the first one with a bridge graph if the run needs one: whether no graph is still to come.
     paced_from: Option<(Counters, f64, bool)>,
@@ -151,6 +153,7 @@ impl Trainer {
             last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
+            edits: Vec::new(),
             paced_from: None,
             job: Job::default(),
             learner,
