@@ -28,7 +28,7 @@ use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
     ReplaySizes, Scratch, Threads, TrainingData, TrainingPhase,
 };
-pub use change::{Edit, WorldChange, resets_networks};
+pub use change::{WorldChange, resets_networks};
 use graphs::{BuiltGraph, Graphs};
 use persistence::LastGood;
 pub use persistence::{About, Recovery, Saved};
@@ -47,6 +47,13 @@ enum RandomStream {
     Evaluate = 3,
     Graph = 4,
     Data = 5,
+}
+
+/// A change of the world to come.
+pub struct Edit {
+    /// Number of updates after which to apply it.
+    pub updates: u64,
+    pub world: Box<dyn Environment>,
 }
 
 pub struct Trainer {

@@ -41,13 +41,6 @@ pub struct WorldChange {
     pub transitions_restored: usize,
 }
 
-/// A change of the world to come.
-pub struct Edit {
-    /// Number of updates after which to apply it.
-    pub updates: u64,
-    pub world: Box<dyn Environment>,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeptState {
     /// Whether the networks were kept; otherwise they are fresh.
