@@ -121,7 +121,7 @@ impl EnvFacts {
         let alike = |at: &&(usize, usize)| related(&own, **at).signum() * related(steps, **at);
         let other_way = pairs.iter().filter(|at| alike(at) < UNRELATED).count();
         let order = (2 * other_way > pairs.len())
-            .then(|| "actions do not lead where they lead here: rows may be shifted or reversed");
+            .then_some("actions do not lead where they lead here: rows may be shifted or reversed");
         [outside, far, other, order.map(str::to_owned)].into_iter().flatten().collect()
     }
 
@@ -229,9 +229,7 @@ pub fn find(
         seen.goals.push(goal);
     }
     for _ in 0..WALKS {
-        let (rows, actions) = walk(worker, about, &mut rng)?;
-        seen.walks.push(rows);
-        seen.actions.push(actions);
+        walk(worker, about, &mut rng, &mut seen)?;
     }
     let columns = columns(&seen, about, goal).map_err(|why| worker.fail(why))?;
     let Some(radius) = radius.or(about.goal_radius) else {
@@ -283,12 +281,13 @@ fn too_fine(spec: &Spec) -> Option<String> {
     })
 }
 
-/// Walks at random for an episode; returns its rows and actions.
+/// Walks at random for an episode.
 fn walk(
     worker: &mut GymWorker,
     about: &EnvDescription,
     rng: &mut ChaCha8Rng,
-) -> Result<(Vec<Vec<f32>>, Vec<Vec<f32>>), EnvError> {
+    seen: &mut Seen,
+) -> Result<(), EnvError> {
     let mut actions = Vec::new();
     let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.0];
     let mut action = vec![0.0; about.low.len()];
@@ -304,7 +303,9 @@ fn walk(
             break;
         }
     }
-    Ok((rows, actions))
+    seen.walks.push(rows);
+    seen.actions.push(actions);
+    Ok(())
 }
 
 /// The columns of a row that form the state, which components of the state are achieved, and which
