@@ -176,14 +176,13 @@ impl HeadlessRun<'_> {
         let evaluate = self.options.eval_every_updates;
         let schedule = Schedule {
             progress_every_updates: Some(PROGRESS_EVERY_UPDATES),
-            edits: self.setup.edits.iter().map(|edit| edit.updates).collect(),
             evaluate: evaluate.map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
             save_every: save_every.filter(|_| self.saver.is_some()),
         };
         let mut session = TrainingLoop::resume(schedule, &self.setup.trainer);
         self.report_reached_limit();
         loop {
-            let Setup { trainer, limits, edits, .. } = &mut self.setup;
+            let Setup { trainer, limits, .. } = &mut self.setup;
             match session.next(trainer, limits).into_diagnostic()? {
                 TrainingEvent::Ticked(_) => self.progress.show(trainer),
                 TrainingEvent::Ended(reason) => return Ok(reason),
@@ -192,9 +191,10 @@ impl HeadlessRun<'_> {
                     print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
                     self.table.iter_mut().for_each(|table| table.add(trainer, None));
                 }
-                TrainingEvent::Edit(i) => {
-                    let change = trainer.change_world(&*edits[i].world).into_diagnostic()?;
-                    print(&Record::edit(trainer, change))?;
+                TrainingEvent::Edit => {
+                    if let Some(change) = trainer.make_edit().into_diagnostic()? {
+                        print(&Record::edit(trainer, change))?;
+                    }
                 }
                 // An evaluation at the end follows anyway.
                 TrainingEvent::Evaluation if trainer.limit_reached(limits).is_some() => {}

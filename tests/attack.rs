@@ -456,3 +456,21 @@ fn fuzzing_seeds_are_read_or_refused() {
     }
     assert!(count > 15, "the kept inputs are there: {count}");
 }
+
+#[test]
+fn out_of_range_full_states_give_a_finite_arm() {
+    let mut rng = rng(4);
+    let mut world = env::FetchReach::new(1);
+    let length = env::Environment::full_state(&world, 0).len();
+    for case in 0..200 {
+        let size = if case % 2 == 0 { 1e300 } else { 30.0 };
+        let full: Vec<f64> = (0..length).map(|_| rng.random_range(-1.0..1.0) * size).collect();
+        let world: &mut dyn env::Environment = &mut world;
+        world.set_full_state(0, &full).unwrap();
+        for _ in 0..20 {
+            world.step(&[1.0, -1.0, f32::MAX, 0.0], &mut rng).unwrap();
+            assert!(world.states().iter().all(|v| v.is_finite()), "{full:?}");
+            assert!(world.full_state(0).iter().all(|v| v.is_finite()), "{full:?}");
+        }
+    }
+}

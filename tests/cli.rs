@@ -809,7 +809,17 @@ fn a_map_can_be_edited_at_a_given_update() {
     // Turns all walls into free cells.
     std::fs::write(&edited, trap.replace('#', ".")).unwrap();
     let at = format!("100:{}", edited.display());
-    let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", "--edit-at", &at]);
+    // Saved before, the run is edited all the same.
+    let saved = folder.path().join("saved.safetensors");
+    let saved = saved.to_str().unwrap();
+    run(&["trap", "--max-seconds", "0", "--eval-tasks", "1", "--edit-at", &at, "--save", saved]);
+    std::fs::remove_file(&edited).unwrap();
+    let rest = ["--no-ui", "--resume", saved, "--max-updates", "200", "--eval-tasks", "1"];
+    let output = gdg().args(rest).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("at update 100, the map is to become wider"), "{said}");
+    let all = records(&output.stdout);
+    assert!(all[0]["edit_at"][0].as_str().unwrap().starts_with("100:"), "{}", all[0]);
     let edit = all.iter().find(|r| r["event"] == "edit").unwrap();
     assert_eq!(
         (&edit["updates"], &edit["map"], &edit["walled"]),
@@ -819,6 +829,10 @@ fn a_map_can_be_edited_at_a_given_update() {
         edit["opened"].as_u64().unwrap() > 100 && edit["transitions_removed"].is_number(),
         "{edit}"
     );
+    let large = gdg().args(["check", "trap", "--goal-radius", "27"]).output().unwrap();
+    let said = [large.stdout, large.stderr].concat();
+    let large = "the goal radius of 27 cells is more than half of the map's 53";
+    assert!(String::from_utf8_lossy(&said).contains(large), "{large}");
     let wrong = format!("100:{}", file("valid/plain.txt"));
     let output = gdg().args(["--no-ui", "trap", "--edit-at", &wrong]).output().unwrap();
     assert_eq!(output.status.code(), Some(2));

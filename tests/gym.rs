@@ -491,6 +491,74 @@ fn a_disc_that_a_finger_pushes_is_learned_from_recordings() {
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
+fn a_goal_radius_that_is_too_large_is_said_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (radius, status, said) in [
+        ("20", 2, "256 of 256 goals are reached at the start: the goal radius of 20 is large"),
+        ("7", 0, "goals are reached at the start: the goal radius of 7 is large for it"),
+    ] {
+        let args = ["--goal-radius", radius, "--max-updates", "3"];
+        let output = train(folder.path(), "Point", &args).output().unwrap();
+        assert_eq!(output.status.code(), Some(status), "{}", stderr(&output));
+        assert_says(&stderr(&output), said);
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn data_that_cannot_be_of_the_environment_are_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = "
+import sys
+import gymnasium, numpy
+import awkward
+env = gymnasium.make('awkward:Point-v0')
+rng = numpy.random.default_rng(0)
+rows = []
+for seed in range(40):
+    seen, _ = env.reset(seed=seed)
+    for i in range(30):
+        action = rng.uniform(-1, 1, 2)
+        rows.append((seen['observation'], action, i == 29))
+        seen = env.step((0.5 * action).astype('float32'))[0]
+states, actions, ends = map(numpy.array, zip(*rows))
+for name, data in {
+    'right': (states, actions, ends),
+    'scaled': (10 * states, actions, ends),
+    'reversed': (states[::-1].copy(), actions[::-1].copy(), numpy.roll(ends[::-1], -1)),
+    'shifted': (states, numpy.roll(actions, 1, 0), ends),
+    'late': (states, actions, numpy.roll(ends, 1)),
+    'early': (states, actions, numpy.roll(ends, -1)),
+    'still': (states, 0 * actions, ends),
+}.items():
+    numpy.savez(name + '.npz', observations=data[0], actions=data[1], terminals=data[2])
+";
+    let mut record = Command::new(python());
+    record.current_dir(folder.path()).arg("-c").arg(script);
+    record.env("PYTHONPATH", Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gym"));
+    let recorded = record.output().unwrap();
+    assert!(recorded.status.success(), "{}", stderr(&recorded));
+    for (name, doubt) in [
+        ("right", None),
+        ("scaled", Some("which its space does not contain; component 1 is mostly far")),
+        ("reversed", Some("actions do not lead where")),
+        ("shifted", Some("rows may be shifted")),
+        ("late", Some("ends may be a row off")),
+        ("early", Some("ends may be a row off")),
+        ("still", Some("all its actions are the same")),
+    ] {
+        let data = format!("{name}.npz");
+        let args = ["--data", &data, "--max-updates", "3"];
+        let output = train(folder.path(), "Point", &args).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let said = stderr(&output);
+        assert_eq!(said.contains("warning"), doubt.is_some(), "{name}: {said}");
+        assert!(said.contains(doubt.unwrap_or_default()), "{name}: {said}");
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
 fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     let free = [[-4.0, 4.0], [0.0, 2.0], [0.9, 2.9], [4.0, 0.0], [-4.9, -0.9]];
@@ -597,6 +665,7 @@ fn what_a_first_look_has_found_of_observations_and_actions_has_to_stay() {
             "Lengthens",
             "the space of its achieved_goal had shape (2,) when it was opened, and has shape",
         ),
+        ("Chooses", "had shape (2,) when it was opened, and has Discrete(3) now"),
         ("Regroups", "its desired goal has shape (3,) of float64, but its spaces say 2 numbers"),
         ("Drifts", ""),
     ] {
@@ -871,15 +940,17 @@ import beside, other
     }
     assert_says(&stderr(&elsewhere), "there is no Python module awkward");
     assert!(stderr(&elsewhere).contains("the checkpoint itself is sound"));
-    for output in [&other, &weaker] {
-        assert!(stderr(output).contains("other observations, goals or"), "{}", stderr(output));
-    }
+    assert_says(&stderr(&other), "components of its observations was 3 and is 4 now: install the");
+    assert_says(&stderr(&weaker), "its lowest action[0] was -0.5 and is -0.05 now: install the");
     let shorter = resumed(&|command| {
         command.env("AWKWARD_LIMIT", "7").env("AWKWARD_VERSION", "1.1");
+        command.env("AWKWARD_SIDE", "6").env("AWKWARD_RADIUS", "0.4");
     });
     assert!(shorter.status.success());
-    assert!(stderr(&shorter).contains("awkward was 1.0 and is 1.1 now"), "{}", stderr(&shorter));
-    assert!(stderr(&shorter).contains("was 40 and is 7 now"), "{}", stderr(&shorter));
+    for change in ["awkward was 1.0 and is 1.1", "was 40 and is 7", "[0][0] was -5.0 and is -6.0"] {
+        assert_says(&stderr(&shorter), &format!("{change} now"));
+    }
+    assert_says(&stderr(&shorter), "keeps that of its beginning) was 0.5 and is 0.4 now");
     std::fs::write(installed.join("other.py"), "edited = True").unwrap();
     let same = resumed(&|_| {});
     assert!(same.status.success() && !stderr(&same).contains(" now"), "{}", stderr(&same));

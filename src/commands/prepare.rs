@@ -12,13 +12,13 @@ use crate::setup::find_maps::{self, THRESHOLD, find_map, known_name};
 use crate::setup::outputs::{refuse_existing, refuse_input, save_to};
 use crate::setup::saves::{self, SAVES};
 use crate::setup::values::EditAt;
-use crate::setup::{self, Edit, Setup, settings};
+use crate::setup::{self, Setup, settings};
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
-use gdg::text::{safe_file_name, sanitized};
-use gdg::train::{self, Limits, Registry, Run, Settings, Trainer};
+use gdg::text::{grouped, safe_file_name, sanitized};
+use gdg::train::{self, Edit, Limits, Registry, Run, Settings, Trainer};
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
 /// those of `args`. Says how far it is to `progress`.
@@ -103,8 +103,19 @@ pub fn prepare(
             PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
         warnings.extend(load_scenario(path, maze, resumed.is_some())?);
     }
-    let edits = load_edits(args, &trainer)?;
-    let worlds = std::iter::once(trainer.world()).chain(edits.iter().map(|edit| &*edit.world));
+    if !args.edit_at.is_empty() {
+        trainer.edits = load_edits(args, &trainer)?;
+    } else if let Some(maze) = PointMaze::downcast_ref(trainer.world()).cloned() {
+        // A checkpoint has no scenario.
+        for Edit { updates, world } in &mut trainer.edits {
+            let (at, title) = (grouped(*updates), sanitized(world.title()));
+            warnings.push(format!("at update {at}, the map is to become {title}"));
+            let edited = PointMaze::downcast_ref(&**world).map(|edited| edited.map().clone());
+            edited.into_iter().for_each(|map| *world = Box::new(maze.with_map(map)));
+        }
+    }
+    let edits = trainer.edits.iter().map(|edit| &*edit.world);
+    let worlds = std::iter::once(trainer.world()).chain(edits);
     let mazes = worlds.filter_map(PointMaze::downcast_ref);
     warnings.extend(mazes.flat_map(|maze| find_maps::warnings(maze.map())));
     let limits = Limits {
@@ -113,7 +124,7 @@ pub fn prepare(
         episodes: args.max_episodes,
         env_steps: None,
     };
-    Ok(Setup { trainer, edits, threads, limits, save, resumed, warnings })
+    Ok(Setup { trainer, threads, limits, save, resumed, warnings })
 }
 
 /// Checks that the world of `args`, or of the checkpoint `resumed`, takes the options given.
@@ -253,9 +264,6 @@ fn open_world(
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their
 /// updates. Leaves out those that the run had applied before it was saved, right after them.
 fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
-    if args.edit_at.is_empty() {
-        return Ok(Vec::new());
-    }
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
     let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {

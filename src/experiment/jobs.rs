@@ -426,7 +426,7 @@ impl Runner<'_> {
                 TrainingEvent::Recovery(recovery) => self.say(i, &recovery.to_string()),
                 TrainingEvent::Evaluation
                 | TrainingEvent::Progress
-                | TrainingEvent::Edit(_)
+                | TrainingEvent::Edit
                 | TrainingEvent::Ticked(_) => {}
                 TrainingEvent::Ended(reason) => return Ok(reason != EndReason::Interrupted),
             }

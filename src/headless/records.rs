@@ -6,11 +6,11 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::updates_per_second;
-use crate::setup::{Edit, Setup};
+use crate::setup::Setup;
 use gdg::learn::{Losses, Threads};
 use gdg::train::{
-    BridgeFacts, DataSource, DistanceError, EndReason, Evaluation, MarkedTask, Moment, Recovery,
-    Score, Trainer, WorldChange,
+    BridgeFacts, DataSource, DistanceError, Edit, EndReason, Evaluation, MarkedTask, Moment,
+    Recovery, Score, Trainer, WorldChange,
 };
 
 #[derive(Debug, Serialize)]
@@ -112,7 +112,7 @@ impl Record {
             settings: run.changed_settings(),
             seed: run.seed,
             eval_tasks,
-            edit_at: setup.edits.iter().filter_map(edit).collect(),
+            edit_at: setup.trainer.edits.iter().filter_map(edit).collect(),
             threads: match setup.threads {
                 Threads::Fixed(number) => number.into(),
                 Threads::Auto { .. } => "auto".into(),

@@ -91,7 +91,10 @@ pub fn doubts(grid: &Grid) -> Option<String> {
     let free = grid.free_count();
     let few = counted(free as u64, "free cell");
     let few = format!("the map has only {few}: too few to learn anything");
-    (free < FEWEST_CELLS).then_some(few)
+    let (radius, side) = (grid.scale().goal_radius, grid.width().max(grid.height()));
+    let large = format!("the goal radius of {radius} cells is more than half of the map's {side}");
+    let is_large = 2.0 * radius > side as f32;
+    (free < FEWEST_CELLS).then_some(few).or(is_large.then_some(large))
 }
 
 /// Returns what is wrong if starts and goals lie in different `components`, or the starts outside

@@ -2,8 +2,8 @@
 
 All are a point in a square that moves by its action, with a goal. What goes wrong goes wrong after
 AWKWARD_AFTER steps of the process, or from the start. With AWKWARD_EXTRA, observations have so many
-more numbers, and AWKWARD_BOUND and AWKWARD_LIMIT are its largest action and its time limit: another
-version of the environment, which AWKWARD_VERSION says.
+more numbers, and AWKWARD_BOUND, AWKWARD_LIMIT, AWKWARD_SIDE and AWKWARD_RADIUS are its largest action,
+time limit, observation and goal radius: another version of the environment, which AWKWARD_VERSION says.
 """
 
 import ctypes
@@ -19,7 +19,8 @@ import types
 import gymnasium as gym
 import numpy as np
 
-SIDE, RADIUS = 5.0, 0.5
+SIDE = float(os.environ.get("AWKWARD_SIDE", "5"))
+RADIUS = float(os.environ.get("AWKWARD_RADIUS", "0.5"))
 AFTER = int(os.environ.get("AWKWARD_AFTER", "1000000000"))
 EXTRA = int(os.environ.get("AWKWARD_EXTRA", "0"))
 BOUND = float(os.environ.get("AWKWARD_BOUND", "0.5"))
@@ -130,6 +131,11 @@ class Strengthens(Drifts):
 class Rescales(Drifts):
     def drift(self):
         self.observation_space["observation"] = gym.spaces.Box(-1.0, 1.0, (3,), np.float64)
+
+
+class Chooses(Drifts):
+    def drift(self):
+        self.action_space = gym.spaces.Discrete(3)
 
 
 class Regroups(Drifts):

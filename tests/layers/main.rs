@@ -24,11 +24,11 @@ const LIBRARY: [Room; 15] = [
     ("store", 272),
     ("settings", 400),
     ("map", 3_787),
-    ("env", 6_088),
+    ("env", 6_260),
     ("learn", 8_672),
     ("bridge", 3_918),
-    ("train", 6_853),
-    ("engine", 1_209),
+    ("train", 6_928),
+    ("engine", 1_218),
     ("draw", 820),
     ("viewer", 1_690),
 ];
@@ -36,13 +36,13 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 677),
-    ("setup", 840),
+    ("setup", 845),
     ("figure", 858),
     ("headless", 961),
     ("experiment", 5_551),
     ("tui", 19_424),
     ("cli", 643),
-    ("commands", 1_020),
+    ("commands", 1_027),
 ];
 
 /// What lies beside the modules.

@@ -269,7 +269,8 @@ impl TrainingThread {
                 match self.session.next(&mut self.trainer, &self.current.limits)? {
                     TrainingEvent::Recovery(recovery) => self.on_recovery(recovery),
                     TrainingEvent::Evaluation => self.evaluation_is_due = true,
-                    TrainingEvent::Progress | TrainingEvent::Edit(_) | TrainingEvent::Save => {}
+                    TrainingEvent::Edit => self.make_edit()?,
+                    TrainingEvent::Progress | TrainingEvent::Save => {}
                     TrainingEvent::Ticked(tick) => break Some(tick),
                     // The engine is being stopped.
                     TrainingEvent::Ended(EndReason::Interrupted) => return Ok(()),

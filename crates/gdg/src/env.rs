@@ -23,7 +23,8 @@ use crate::job::Job;
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use abilities::{
-    Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, MAX_PROBES, Probes, Recorded,
+    Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, MAX_PROBES, Probes,
+    Recorded, RecordedStep,
 };
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use goal_space::{GoalSpace, Walls};

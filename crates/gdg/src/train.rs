@@ -46,7 +46,7 @@ pub use settings_file::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
     settings_from, settings_from_text, settings_in_world, with_setting,
 };
-pub use trainer::{About, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
+pub use trainer::{About, Edit, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
 pub use training_loop::{EvaluateAt, Schedule, TrainingEvent, TrainingLoop};
 
 impl From<candle_core::Error> for TrainError {

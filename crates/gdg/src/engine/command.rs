@@ -12,7 +12,8 @@ use crate::files;
 use crate::job::Job;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
-    self, Dataset, Limits, Notes, Run, SaveTo, TrainError, Trainer, list_settings, memory,
+    self, Dataset, Limits, Notes, Run, SaveTo, TrainError, Trainer, WorldChange, list_settings,
+    memory,
 };
 
 const MAX_AUTOSAVES: usize = 3;
@@ -87,8 +88,15 @@ fn activity(command: &EngineCommand) -> &'static str {
 }
 
 impl TrainingThread {
-    fn change_world(&mut self, world: &dyn Environment, done: &str) -> CommandResult {
-        let change = self.trainer.change_world(world)?;
+    /// Makes the edit that was to come.
+    pub(super) fn make_edit(&mut self) -> Result<(), TrainError> {
+        let Some(change) = self.trainer.make_edit()? else { return Ok(()) };
+        let what = self.changed_world(change, "edited as planned: ")?;
+        self.notify(what);
+        Ok(())
+    }
+
+    fn changed_world(&mut self, change: WorldChange, done: &str) -> Result<String, TrainError> {
         self.current.title = self.trainer.world().title().into();
         self.current.edits = Arc::new(self.trainer.history().edits().to_vec());
         // A running evaluation of the old world says nothing about the new one.
@@ -271,7 +279,8 @@ impl TrainingThread {
             EngineCommand::Autosave(named_after, notes) => self.autosave(&named_after, notes)?,
             EngineCommand::ChangeWorld(make, done) => {
                 let world = make(self.trainer.world())?;
-                self.change_world(&*world, done)?
+                let change = self.trainer.change_world(&*world)?;
+                self.changed_world(change, done)?
             }
             EngineCommand::Change(run) => self.change(*run)?,
             EngineCommand::StartRun(run, make) => {

@@ -29,6 +29,9 @@ pub struct Abilities<'a> {
     pub drawn: Option<&'a dyn Drawn>,
 }
 
+/// A state, the action in it, and where that has led.
+pub type RecordedStep<'a> = [&'a [f32]; 3];
+
 /// A world with a title, facts and data of its own.
 pub trait Recorded {
     /// Returns its title, such as the map's name.
@@ -59,6 +62,11 @@ pub trait Recorded {
     /// learner, for programs that run exported policies in it; `None` if they are the same.
     fn interface(&self) -> Option<Value> {
         None
+    }
+
+    /// Says why recorded steps may not be of this world.
+    fn doubts(&self, _steps: &[RecordedStep]) -> Vec<String> {
+        Vec::new()
     }
 
     /// Turns a state of a file of recorded transitions into one of the world, if files have another

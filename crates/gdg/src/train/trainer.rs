@@ -49,6 +49,13 @@ enum RandomStream {
     Data = 5,
 }
 
+/// A change of the world to come.
+pub struct Edit {
+    /// Number of updates after which to apply it.
+    pub updates: u64,
+    pub world: Box<dyn Environment>,
+}
+
 pub struct Trainer {
     run: Run,
     registry: Arc<Registry>,
@@ -71,6 +78,8 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
+    /// Changes of the world to come.
+    pub edits: Vec<Edit>,
     /// Counters and seconds at the first update in this process, or with these settings, and then at
     /// the first one with a bridge graph if the run needs one: whether no graph is still to come.
     paced_from: Option<(Counters, f64, bool)>,
@@ -151,6 +160,7 @@ impl Trainer {
             last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
+            edits: Vec::new(),
             paced_from: None,
             job: Job::default(),
             learner,

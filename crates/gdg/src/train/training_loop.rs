@@ -25,8 +25,6 @@ pub enum EvaluateAt {
 #[derive(Clone, Debug, Default)]
 pub struct Schedule {
     pub progress_every_updates: Option<u64>,
-    /// The number of updates after which each edit of the world is due.
-    pub edits: Vec<u64>,
     pub evaluate: EvaluateAt,
     pub save_every: Option<Duration>,
 }
@@ -38,8 +36,8 @@ pub enum TrainingEvent {
     Recovery(Recovery),
     /// Progress is to be reported.
     Progress,
-    /// The edit with this index in [`Schedule::edits`] is to be made.
-    Edit(usize),
+    /// The next of the trainer's edits is to be made.
+    Edit,
     /// The run is to be evaluated, also if it has reached its limit.
     Evaluation,
     /// The run is to be saved.
@@ -72,7 +70,7 @@ impl TrainingLoop {
         let mut session = Self { evaluations: made.len(), ..Self::new(schedule) };
         let updates = trainer.counters().updates;
         let is_evaluated = made.last().is_some_and(|(at, _)| *at == updates);
-        session.add_edits(updates);
+        session.add_edits(trainer);
         session.add_evaluations(trainer, updates > 0 && !is_evaluated);
         session
     }
@@ -107,7 +105,7 @@ impl TrainingLoop {
             if progress.is_some_and(|every| updates.is_multiple_of(every)) {
                 self.due.push_back(TrainingEvent::Progress);
             }
-            self.add_edits(updates);
+            self.add_edits(trainer);
         }
         self.add_evaluations(trainer, updates.is_some());
         // It waits while a run diverges: a rollback before saving would make the run depend on when
@@ -124,10 +122,10 @@ impl TrainingLoop {
         self.next(trainer, limits)
     }
 
-    fn add_edits(&mut self, updates: u64) {
-        let edits = self.schedule.edits.iter().enumerate();
-        self.due
-            .extend(edits.filter(|(_, at)| **at == updates).map(|(i, _)| TrainingEvent::Edit(i)));
+    fn add_edits(&mut self, trainer: &Trainer) {
+        let updates = trainer.counters().updates;
+        let due = trainer.edits.iter().filter(|edit| edit.updates <= updates);
+        self.due.extend(due.map(|_| TrainingEvent::Edit));
     }
 
     /// Adds the evaluations that are due; `is_new_update` says whether the latest update has not
@@ -158,10 +156,14 @@ impl TrainingLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::small_run;
+    use crate::train::{Edit, small_run};
 
     fn trainer() -> Trainer {
         small_run("gdg", 1)
+    }
+
+    fn edit(trainer: &Trainer, updates: u64) -> Edit {
+        Edit { updates, world: trainer.world().fork(0).expect("a world") }
     }
 
     fn course(
@@ -174,7 +176,12 @@ mod tests {
             match session.next(trainer, &limits).expect("it trains") {
                 TrainingEvent::Ticked(_) => {}
                 TrainingEvent::Ended(reason) => return (all, reason),
-                due => all.push((trainer.counters().updates, due)),
+                due => {
+                    if due == TrainingEvent::Edit {
+                        trainer.make_edit().expect("it fits");
+                    }
+                    all.push((trainer.counters().updates, due));
+                }
             }
         }
     }
@@ -183,16 +190,16 @@ mod tests {
     fn after_an_update_come_progress_edits_evaluation_and_save() {
         let schedule = Schedule {
             progress_every_updates: Some(4),
-            edits: vec![4, 2, 4],
             evaluate: EvaluateAt::EveryUpdates(4),
             save_every: Some(Duration::from_hours(1)),
         };
         let limits = Limits { updates: Some(5), ..Limits::default() };
-        let (all, reason) = course(&mut TrainingLoop::new(schedule), &mut trainer(), limits);
-        let (edit, at_four) = (TrainingEvent::Edit, |due| (4, due));
-        let expected =
-            [TrainingEvent::Progress, edit(0), edit(2), TrainingEvent::Evaluation].map(at_four);
-        assert_eq!(all, [vec![(2, edit(1))], expected.to_vec()].concat());
+        let mut trainer = trainer();
+        trainer.edits = [4, 2, 4].map(|updates| edit(&trainer, updates)).into();
+        let (all, reason) = course(&mut TrainingLoop::new(schedule), &mut trainer, limits);
+        let (edit, evaluation) = (TrainingEvent::Edit, TrainingEvent::Evaluation);
+        let at_four = [TrainingEvent::Progress, edit, edit, evaluation].map(|due| (4, due));
+        assert_eq!(all, [vec![(2, edit)], at_four.to_vec()].concat());
         assert_eq!(reason, EndReason::MaxUpdates);
     }
 
@@ -219,18 +226,18 @@ mod tests {
     fn what_a_stop_has_prevented_is_due_when_the_run_is_resumed() {
         let schedule = Schedule {
             progress_every_updates: Some(1),
-            edits: vec![3],
             evaluate: EvaluateAt::Updates(vec![3]),
             ..Schedule::default()
         };
         let mut trainer = trainer();
         let limits = Limits { updates: Some(3), ..Limits::default() };
         course(&mut TrainingLoop::new(Schedule::default()), &mut trainer, limits);
+        trainer.edits = vec![edit(&trainer, 3)];
         let due = |trainer: &Trainer| TrainingLoop::resume(schedule.clone(), trainer).due;
-        assert_eq!(due(&trainer), [TrainingEvent::Edit(0), TrainingEvent::Evaluation]);
+        assert_eq!(due(&trainer), [TrainingEvent::Edit, TrainingEvent::Evaluation]);
         let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
         trainer.record_evaluation(trainer.moment(), evaluation);
-        assert_eq!(due(&trainer), [TrainingEvent::Edit(0)]);
+        assert_eq!(due(&trainer), [TrainingEvent::Edit]);
         trainer.job().cancel();
         let ended = TrainingLoop::new(schedule).next(&mut trainer, &Limits::default());
         assert_eq!(ended.expect("no tick"), TrainingEvent::Ended(EndReason::Interrupted));

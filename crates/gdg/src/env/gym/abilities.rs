@@ -8,8 +8,8 @@ use serde_json::{Map, Value, json};
 
 use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
 use crate::env::{
-    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, Spec, Task,
-    TaskSet, WorldScene,
+    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, RecordedStep,
+    Spec, Task, TaskSet, WorldScene,
 };
 use crate::store::Store;
 
@@ -24,9 +24,12 @@ impl Recorded for Gym {
         let own = package.split('.').next().and_then(|name| about.versions.get(name));
         let version = own.map_or(String::new(), |version| format!(" {version}"));
         let limit = about.time_limit.map_or(String::new(), |limit| format!(", {limit} steps"));
-        let sources = crc32fast::hash(format!("{:?}", about.sources).as_bytes());
+        let mut sum = crc32fast::Hasher::new();
+        for (name, checksum) in &about.sources {
+            sum.update(&[name.as_bytes(), &checksum.to_be_bytes()].concat());
+        }
         let is_known = !about.sources.is_empty();
-        let source = if is_known { format!(", {sources:08x}") } else { String::new() };
+        let source = if is_known { format!(", {:08x}", sum.finalize()) } else { String::new() };
         let Spec { achieved, goal_radius, .. } = self.spec();
         let is_given = about.achieved == 0 && *achieved != about.usual_goal();
         let components = achieved.iter().map(|i| format!(" {i}")).collect::<String>();
@@ -59,13 +62,12 @@ impl Recorded for Gym {
     fn interface(&self) -> Option<Value> {
         let (Address { package, id }, about) = (&self.pool.address, &self.pool.about);
         let found = &self.found;
-        let [observed, achieved, goal] = found.sizes;
         Some(json!({
             "id": id,
             "package": package,
-            "observation": observed,
-            "achieved_goal": achieved,
-            "desired_goal": goal,
+            "observation": about.observed,
+            "achieved_goal": about.achieved,
+            "desired_goal": about.goal,
             "state_columns": found.columns,
             "goal_columns": found.goal_columns,
             "low": about.low,
@@ -75,6 +77,10 @@ impl Recorded for Gym {
 
     fn take_warnings(&self) -> Vec<String> {
         std::mem::take(&mut *self.pool.warnings.lock())
+    }
+
+    fn doubts(&self, steps: &[RecordedStep]) -> Vec<String> {
+        self.found.doubts(&self.pool.about, steps)
     }
 
     fn save(&self, store: &mut Store) {

@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::worker::{EnvDescription, GymWorker};
-use crate::env::{EnvError, MAX_MAGNITUDE, Spec, Walls};
+use crate::env::{EnvError, MAX_MAGNITUDE, RecordedStep, Spec, Walls};
 use crate::store::StoreError;
 
 /// Episodes begun to see starts and goals.
@@ -52,6 +52,16 @@ const OUTGROWN: f32 = 2.0;
 /// radii across: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
 
+/// Recorded data are doubted where in a step a component typically changes by this multiple of what random
+/// steps do, or all by less than this share of it; where half of the states are this many half ranges away
+/// from goals and starts; and where what goes with an action as closely as `DIRECT` does not so at all, or
+/// the other way.
+const MOST_STEPS: f32 = 30.0;
+const LEAST_STEPS: f32 = 0.1;
+const FAR: f32 = 2.0;
+const DIRECT: f64 = 0.6;
+const UNRELATED: f64 = 0.1;
+
 /// A goal radius spans at least this many steps of single precision.
 const LEAST_RESOLVED: f32 = 16.0;
 
@@ -60,17 +70,61 @@ const LEAST_RESOLVED: f32 = 16.0;
 pub struct EnvFacts {
     /// Sizes and scales.
     pub spec: Spec,
-    /// Lengths of observations, of goals achieved beside them, and of goals desired.
-    pub sizes: [usize; 3],
     /// Which number of a row is each component of the state.
     pub columns: Vec<usize>,
     /// Which number of a desired goal is each component of the goal.
     pub goal_columns: Vec<usize>,
     /// Goals that the environment has asked for, `(goals, goal_dim)`.
     pub goals: Vec<f32>,
+    /// State, action and next state of each random step of a first look.
+    #[serde(skip)]
+    pub steps: Vec<[Vec<f32>; 3]>,
 }
 
 impl EnvFacts {
+    /// Says why recorded `steps` may not be of this environment.
+    pub fn doubts(&self, about: &EnvDescription, steps: &[RecordedStep]) -> Vec<String> {
+        let (spec, all) = (&self.spec, 0..self.spec.state_dim());
+        let own: Vec<RecordedStep> =
+            self.steps.iter().map(|step| step.each_ref().map(Vec::as_slice)).collect();
+        let states = |i: usize| steps.iter().map(move |[state, ..]| state[i]);
+        let outside = all.clone().find_map(|i| {
+            let [low, high] = *about.bounds.get(self.columns[i])?;
+            let [low, high] = [low.unwrap_or(f32::MIN), high.unwrap_or(f32::MAX)];
+            let margin = CONSTANT.sqrt() * low.abs().min(high.abs()).max(1.0);
+            let value = states(i).find(|v| !(low - margin..=high + margin).contains(v))?;
+            Some(format!("component {i} is {value}, which its space does not contain"))
+        });
+        let is_far = |i: &&usize| {
+            let beyond =
+                |v: &f32| (v - spec.state_centre[**i]).abs() > FAR * spec.state_half_range[**i];
+            2 * states(**i).filter(beyond).count() > steps.len()
+        };
+        let far = spec.achieved.iter().find(is_far);
+        let far = far.map(|i| format!("component {i} is mostly far from all goals and starts"));
+        let moved = |steps: &[RecordedStep], i: usize| {
+            let changes = steps.iter().map(|[from, _, to]| (to[i] - from[i]).abs());
+            share(changes.collect(), 1.0 - TYPICAL)[1]
+        };
+        let moved = all.clone().map(|i| (i, moved(steps, i), moved(&own, i)));
+        let moved: Vec<_> = moved.filter(|(_, _, usual)| *usual > 0.0).collect();
+        let fast = moved.iter().find(|(_, now, usual)| *now > MOST_STEPS * usual);
+        let slow = |(_, now, usual): &&(usize, f32, f32)| *now < LEAST_STEPS * usual;
+        let slow = moved.first().filter(|_| moved.iter().filter(slow).count() == moved.len());
+        let other = fast.or(slow).map(|(i, now, usual)| {
+            format!("a step changes component {i} by {now}, and by {usual} in random steps")
+        });
+        let mut pairs: Vec<_> =
+            all.flat_map(|i| (0..spec.action_dim).map(move |j| (i, j))).collect();
+        pairs.retain(|at| related(&own, *at).abs() > DIRECT);
+        // As far as recorded actions do what random ones do.
+        let alike = |at: &&(usize, usize)| related(&own, **at).signum() * related(steps, **at);
+        let other_way = pairs.iter().filter(|at| alike(at) < UNRELATED).count();
+        let order = (2 * other_way > pairs.len())
+            .then_some("actions do not lead where they lead here: rows may be shifted or reversed");
+        [outside, far, other, order.map(str::to_owned)].into_iter().flatten().collect()
+    }
+
     /// Returns the walls of the maze, if there is one and goals are positions in it.
     pub fn maze_of<'a>(&self, about: &'a EnvDescription) -> Option<&'a Walls> {
         about.maze.as_ref().filter(|_| self.goal_columns.starts_with(&[0, 1]))
@@ -138,7 +192,6 @@ impl EnvFacts {
             && self.goals.len() >= g
             && self.goals.len().is_multiple_of(g)
             && self.goals.iter().all(within)
-            && self.sizes == about.sizes()
             && self.columns.iter().all(|column| *column < about.row())
             && self.goal_columns.iter().all(|column| *column < about.goal)
             && spec.action_dim == about.low.len();
@@ -155,6 +208,8 @@ pub struct Seen {
     pub goals: Vec<Vec<f32>>,
     /// Rows of walks.
     pub walks: Vec<Vec<Vec<f32>>>,
+    /// The actions between them.
+    pub actions: Vec<Vec<Vec<f32>>>,
 }
 
 /// Finds out what the learner needs. `goal` and `radius` may be given: the components of the
@@ -164,7 +219,7 @@ pub fn find(
     about: &EnvDescription,
     goal: Option<&[usize]>,
     radius: Option<f32>,
-) -> Result<EnvFacts, EnvError> {
+) -> Result<(EnvFacts, Option<String>), EnvError> {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let mut seen = Seen::default();
     for i in 0..RESETS {
@@ -174,15 +229,42 @@ pub fn find(
         seen.goals.push(goal);
     }
     for _ in 0..WALKS {
-        seen.walks.push(walk(worker, about, &mut rng)?);
+        walk(worker, about, &mut rng, &mut seen)?;
     }
     let columns = columns(&seen, about, goal).map_err(|why| worker.fail(why))?;
     let Some(radius) = radius.or(about.goal_radius) else {
         let problem = "does not say when a goal is reached: give --goal-radius".to_owned();
         return Err(worker.fail(problem));
     };
-    let found = scales(&seen, about, columns, radius);
-    too_fine(&found.spec).map_or(Ok(found), |why| Err(worker.fail(why)))
+    let mut found = scales(&seen, about, columns, radius);
+    let (said, reached) = reached_at_once(&seen, &found);
+    let all_reached = (reached == RESETS).then(|| said.clone());
+    if let Some(why) = too_fine(&found.spec).or(all_reached) {
+        return Err(worker.fail(why));
+    }
+    let state = |row: &[f32]| found.columns.iter().map(|column| row[*column]).collect();
+    let walks = seen.walks.iter().zip(&seen.actions);
+    found.steps = walks
+        .flat_map(|(rows, actions)| rows.windows(2).zip(actions))
+        .map(|(pair, action)| [state(&pair[0]), action.clone(), state(&pair[1])])
+        .collect();
+    Ok((found, (2 * reached > RESETS).then_some(said)))
+}
+
+/// Says how many goals are reached where their episodes begin.
+fn reached_at_once(seen: &Seen, found: &EnvFacts) -> (String, usize) {
+    let EnvFacts { spec, columns, goal_columns, .. } = found;
+    let pick = |all: &[f32], of: &[usize]| of.iter().map(|i| all[*i]).collect::<Vec<_>>();
+    let is_reached = |(start, goal): &(&Vec<f32>, &Vec<f32>)| {
+        spec.reached(&pick(start, columns), &pick(goal, goal_columns))
+    };
+    let reached = seen.starts.iter().zip(&seen.goals).filter(is_reached).count();
+    let (all, radius) = (seen.starts.len(), spec.goal_radius);
+    let text = format!(
+        "{reached} of {all} goals are reached at the start: the goal radius of {radius} is large for it \
+         (--goal-radius sets another)"
+    );
+    (text, reached)
 }
 
 /// Says why single precision is too coarse for the goals, if it is.
@@ -199,12 +281,14 @@ fn too_fine(spec: &Spec) -> Option<String> {
     })
 }
 
-/// Walks at random for an episode; returns its rows.
+/// Walks at random for an episode.
 fn walk(
     worker: &mut GymWorker,
     about: &EnvDescription,
     rng: &mut ChaCha8Rng,
-) -> Result<Vec<Vec<f32>>, EnvError> {
+    seen: &mut Seen,
+) -> Result<(), EnvError> {
+    let mut actions = Vec::new();
     let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.0];
     let mut action = vec![0.0; about.low.len()];
     for i in 0..about.episode_steps().map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
@@ -214,11 +298,14 @@ fn walk(
         let next = worker.step(about, &action)?;
         let has_ended = next.iter().any(|(_, ended)| *ended);
         rows.extend(next.into_iter().map(|(row, _)| row));
+        actions.push(action.clone());
         if has_ended {
             break;
         }
     }
-    Ok(rows)
+    seen.walks.push(rows);
+    seen.actions.push(actions);
+    Ok(())
 }
 
 /// The columns of a row that form the state, which components of the state are achieved, and which
@@ -326,7 +413,7 @@ fn scales(
     let are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
     let mut found =
-        EnvFacts { spec, sizes: about.sizes(), columns, goal_columns, goals: goals.concat() };
+        EnvFacts { spec, columns, goal_columns, goals: goals.concat(), steps: Vec::new() };
     // Grids that are far finer than a maze learn noise, on which actors stand still.
     let cell = found.maze_of(about).map_or(goal_radius, Walls::cell_size);
     found.spec.position_scale = are_positions.then_some(cell);
@@ -354,6 +441,18 @@ fn widen(spec: &mut Spec) {
     }
 }
 
+/// Returns the correlation of the change of component `i` with component `j` of the action.
+fn related(steps: &[RecordedStep], (i, j): (usize, usize)) -> f64 {
+    let mut sums = [0.0; 5];
+    for [from, action, to] in steps {
+        let (c, a) = (f64::from(to[i] - from[i]), f64::from(action[j]));
+        sums.iter_mut().zip([c, a, c * c, a * a, c * a]).for_each(|(sum, v)| *sum += v);
+    }
+    let [c, a, cc, aa, ca] = sums.map(|sum| sum / steps.len() as f64);
+    let spread = ((cc - c * c) * (aa - a * a)).max(0.0).sqrt();
+    if spread > 0.0 { (ca - c * a) / spread } else { 0.0 }
+}
+
 /// Returns the range of `numbers` without the share `tail` of them below it and above it.
 fn share(mut numbers: Vec<f32>, tail: f64) -> [f32; 2] {
     let Some(last) = numbers.len().checked_sub(1) else { return [0.0; 2] };
@@ -376,6 +475,7 @@ pub mod tests {
             goal,
             low: vec![Some(-1.0)],
             high: vec![Some(1.0)],
+            bounds: Vec::new(),
             time_limit: None,
             tasks: None,
             goal_radius: None,
@@ -393,7 +493,7 @@ pub mod tests {
         };
         let rows: Vec<Vec<f32>> = (0..101).map(row).collect();
         let goals = (0..5).map(|i| vec![60.0 * f32::from(i as u8), -10.0]).collect();
-        Seen { starts: rows[..2].to_vec(), goals, walks: vec![rows] }
+        Seen { starts: rows[..2].to_vec(), goals, walks: vec![rows], actions: Vec::new() }
     }
 
     #[test]
@@ -480,9 +580,35 @@ pub mod tests {
         assert_eq!(spec.position_scale, Some(spec.goal_radius), "240 is more than 12 radii");
         assert_eq!(found.check(&about), Ok(()));
         assert_eq!(about.changes_since(&about), Ok(Vec::new()));
-        for (observed, high) in [(5, 1.0), (4, 0.5)] {
-            let other = EnvDescription { observed, high: vec![Some(high)], ..about.clone() };
-            assert!(other.changes_since(&about).is_err(), "another version of the environment");
+    }
+
+    #[test]
+    fn what_has_changed_since_a_run_was_saved_is_named() {
+        let maze = |rows: &[&[bool]]| {
+            let maze = serde_json::json!({"is_wall": rows, "first": [0, 0], "cell": [1, -1]});
+            serde_json::from_value::<Walls>(maze).ok()
+        };
+        let about = EnvDescription {
+            bounds: vec![[Some(-1.0), None]],
+            goal_radius: Some(0.45),
+            maze: maze(&[&[true, false]]),
+            ..description(4, 2, 2)
+        };
+        assert_eq!(about.changes_since(&about), Ok(Vec::new()));
+        let is = || about.clone();
+        for (is, goes_on, said) in [
+            (EnvDescription { observed: 5, ..is() }, false, "its observations was 4 and is 5 now"),
+            (EnvDescription { high: vec![Some(0.5)], ..is() }, false, "[0] was 1.0 and is 0.5 now"),
+            (EnvDescription { maze: maze(&[&[true]]), ..is() }, false, "was 2 long and is 1 long"),
+            (EnvDescription { maze: maze(&[&[true; 2]]), ..is() }, true, "is_wall[0][1] was false"),
+            (EnvDescription { goal_radius: Some(0.1), ..is() }, true, "was 0.45 and is 0.1 now"),
+            (EnvDescription { bounds: vec![[None; 2]], ..is() }, true, "was -1.0 and is none now"),
+            (EnvDescription { time_limit: Some(7), ..is() }, true, "was none and is 7 now"),
+        ] {
+            let found = is.changes_since(&about);
+            assert_eq!(found.is_ok(), goes_on, "{found:?}");
+            let found = found.unwrap_or_else(|error| vec![error]);
+            assert!(found.len() == 1 && found[0].contains(said), "{found:?}");
         }
     }
 

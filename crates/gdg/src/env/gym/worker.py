@@ -165,7 +165,8 @@ class Goals:
     def spaces(self, env):
         """Returns the spaces of an environment by name."""
         seen = env.observation_space
-        parts = {name: seen[name] for name in PARTS} if self.in_observation else {"observation": seen}
+        has_parts = self.in_observation and isinstance(seen, gym.spaces.Dict)
+        parts = {name: seen[name] for name in PARTS} if has_parts else {"observation": seen}
         return {"action": env.action_space, **parts}
 
     def observe(self, observation):
@@ -197,14 +198,20 @@ def vector(numbers, length, what):
 def check_form(spaces):
     """Refuses spaces that are others than at first. Goals may get other bounds."""
     for name, space in spaces.items():
-        form = [f"shape {space.shape}"]
-        if not name.endswith("_goal"):
-            ranges = enumerate(zip(space.low.ravel().tolist(), space.high.ravel().tolist()))
-            form += [f"component {i} from {low:g} to {high:g}" for i, (low, high) in ranges]
+        is_box = isinstance(space, gym.spaces.Box)
+        sides = [space.low, space.high] if is_box and not name.endswith("_goal") else []
+        key = is_box, space.shape, *(side.tobytes() for side in sides)
+        # On the way of every step.
+        if keys.get(name) == key:
+            continue
+        ranges = enumerate(zip(*(side.ravel().tolist() for side in sides)))
+        form = [f"shape {space.shape}" if is_box else f"{space}"]
+        form += [f"component {i} from {low:g} to {high:g}" for i, (low, high) in ranges]
         first = forms.setdefault(name, form)
         if form != first:
             was, now = next((a, b) for a, b in zip(first, form) if a != b)
             raise Unsupported(f"the space of its {name} had {was} when it was opened, and has {now} now")
+        keys[name] = key
 
 
 def make():
@@ -271,7 +278,6 @@ def reset(slot, seed, task=-1):
 def step(slot, action):
     """Steps an environment and returns what it observes."""
     wanted = "observation, reward, terminated, truncated, info"
-    check_form({"action": slot.env.action_space})
     Slot.steps += 1
     owns = slot.generators is not None and (Slot.draws or Slot.steps <= FIRST_STEPS)
     if owns:
@@ -292,7 +298,7 @@ def drawn(before, after):
 
 
 def bounds(values):
-    """Returns bounds of actions, None where there is none. Some spaces write it as the largest number."""
+    """Returns bounds of a space, None where there is none. Some spaces write it as the largest number."""
     return [float(v) if abs(v) <= LARGEST_BOUND else None for v in values]
 
 
@@ -339,6 +345,8 @@ def open_environment(body):
 
 def describe(slot, package):
     actions, own = slot.env.action_space, slot.env.unwrapped
+    spaces = goals.spaces(slot.env)
+    seen = [spaces[name] for name in PARTS[:2] if name in spaces]
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
     if radius is None and type(own).__module__.startswith("gymnasium_robotics.envs.maze"):
         radius = MAZE_RADIUS
@@ -349,6 +357,7 @@ def describe(slot, package):
         "observed": goals.observed,
         "achieved": goals.achieved,
         "goal": goals.goal,
+        "bounds": [pair for own in seen for pair in zip(bounds(own.low), bounds(own.high))],
         "low": bounds(actions.low),
         "high": bounds(actions.high),
         "time_limit": None if limit is None else int(limit),
@@ -385,7 +394,7 @@ def sources(*modules):
     files = (getattr(module, "__dict__", {}).get("__file__") for module in list(sys.modules.values()))
     for path in sorted({os.path.realpath(file) for file in files if isinstance(file, str)}):
         place = next((place for place in places if path.startswith(place)), None)
-        if place and not INSTALLED.search(path[len(place) :]) and len(found) < MOST_FILES:
+        if place and not INSTALLED.search(path[len(place) :]) and len(found) < MOST_FILES and left > 0:
             try:
                 with open(path, "rb") as file:
                     content = file.read(left)
@@ -402,11 +411,12 @@ def numbers(body):
 
 def step_all(body):
     """Steps the first environments, one per row of actions; returns their rows."""
-    space = slots[0].env.action_space
     actions = numbers(body).reshape(-1, actions_length)
     for slot, action in zip(slots, actions):
         # Not a number is the action of those that rest.
         if not slot.ended and action[0] == action[0]:
+            space = slot.env.action_space
+            check_form({"action": space})
             # Bounds of double precision have been rounded on the way.
             action = np.clip(action.astype(space.dtype), space.low, space.high)
             slot.last = goals.observe(step(slot, action))
@@ -483,7 +493,7 @@ def serve():
         channel.sendall(struct.pack("<II", reply[0], len(reply[1])) + reply[1])
 
 
-slots, forms = [], {}
+slots, forms, keys = [], {}, {}
 worker = os.getpid()
 begin()
 try:

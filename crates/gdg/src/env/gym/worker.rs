@@ -16,11 +16,11 @@ use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, MAX_MAGNITUDE, Walls};
 use crate::job::Job;
-use crate::store::StoreError;
 use crate::text::{grouped, truncated};
 
 /// What the worker runs.
@@ -92,6 +92,50 @@ enum Message {
     Step = 4,
 }
 
+/// The facts of a description: name, in words, and whether a run goes on where one is another.
+const FACTS: [(&str, &str, bool); 11] = [
+    ("observed", "the number of components of its observations", false),
+    ("goal", "the number of components of its goals", false),
+    ("achieved", "the number of components of what is achieved beside them", false),
+    ("low", "its lowest action", false),
+    ("high", "its highest action", false),
+    ("bounds", "the bounds of what it shows", true),
+    ("time_limit", "its time limit, in steps,", true),
+    ("goal_radius", "its own goal radius (the run keeps that of its beginning)", true),
+    ("tasks", "the number of its tasks", true),
+    ("maze", "its maze's ", true),
+    ("versions", "", true),
+];
+
+/// Says what is another in `is` than in `was`: of lists the first component, of what has names all that
+/// both have.
+fn changes(what: &str, was: &Value, is: &Value) -> Vec<String> {
+    let shown = |value: &Value| match value {
+        Value::Null => "none".to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Array(list) => format!("{} long", list.len()),
+        other => other.to_string(),
+    };
+    match (was, is) {
+        (Value::Array(own), Value::Array(_)) if own.is_empty() => Vec::new(),
+        (Value::Array(own), Value::Array(others)) if own.len() == others.len() => {
+            let pairs = own.iter().zip(others).enumerate();
+            let found = pairs.map(|(i, (was, is))| changes(&format!("{what}[{i}]"), was, is));
+            found.flatten().take(1).collect()
+        }
+        (Value::Object(own), Value::Object(others)) => {
+            let both = own.iter().filter_map(|(name, was)| Some((name, was, others.get(name)?)));
+            let found = both.map(|(name, was, is)| changes(&format!("{what}{name}"), was, is));
+            found.flatten().collect()
+        }
+        (was, is) if was == is => Vec::new(),
+        (was, is) => {
+            let text = format!("{what} was {} and is {} now", shown(was), shown(is));
+            vec![truncated(&text, MAX_SHOWN_CHARS)]
+        }
+    }
+}
+
 /// What a worker says of its environment. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EnvDescription {
@@ -104,6 +148,9 @@ pub struct EnvDescription {
     /// Lowest and highest action; `None` where there is no bound.
     pub low: Vec<Option<f32>>,
     pub high: Vec<Option<f32>>,
+    /// The bounds of each component of a row; earlier versions kept none.
+    #[serde(default)]
+    pub bounds: Vec<[Option<f32>; 2]>,
     /// Length of an episode, if it is limited.
     pub time_limit: Option<u64>,
     /// Number of tasks of its own, chosen by `task_id` from 1.
@@ -123,11 +170,6 @@ impl EnvDescription {
     /// The length of a row: an observation and what is achieved.
     pub fn row(&self) -> usize {
         self.observed + self.achieved
-    }
-
-    /// The lengths of observations, of goals achieved beside them, and of goals desired.
-    pub fn sizes(&self) -> [usize; 3] {
-        [self.observed, self.achieved, self.goal]
     }
 
     /// The components of an observation that are the goal unless others are given.
@@ -171,26 +213,25 @@ impl EnvDescription {
         (!changed.is_empty()).then(|| format!("{shown} {has} changed since the run"))
     }
 
-    /// Checks that observations, goals and actions are what they were when this was `kept`; says what
-    /// else has changed.
-    pub fn changes_since(&self, kept: &Self) -> Result<Vec<String>, StoreError> {
-        let form = |one: &Self| (one.sizes(), one.low.clone(), one.high.clone());
-        let another = "its environment has other observations, goals or actions now: install the \
-                       version that the run began with";
-        StoreError::unless(form(self) == form(kept), another)?;
-        let [was, is] = [kept, self].map(|one| one.time_limit.map_or("none".to_owned(), grouped));
-        let limit = (was != is).then_some(("its time limit, in steps,", was, is)).into_iter();
-        let versions = kept.versions.iter().filter_map(|(name, was)| {
-            let is = self.versions.get(name).filter(|is| *is != was)?;
-            Some((name.as_str(), was.clone(), is.clone()))
-        });
-        let changes = limit.chain(versions).map(|(what, was, is)| {
-            truncated(&format!("{what} was {was} and is {is} now"), MAX_SHOWN_CHARS)
-        });
+    /// Says what has changed since this was `kept`; an error if a run cannot go on with it.
+    pub fn changes_since(&self, kept: &Self) -> Result<Vec<String>, String> {
+        // As text, single precision stays short.
+        let all = |one| serde_json::to_string(one).and_then(|text| serde_json::from_str(&text));
+        let [was, is]: [Value; 2] = [kept, self].map(|one| all(one).unwrap_or_default());
+        let cells = |one: &Self| one.maze.as_ref().map(Walls::cells);
+        let mut said = Vec::new();
+        for (name, what, goes_on) in FACTS {
+            let changes = changes(what, &was[name], &is[name]);
+            let is_fatal = !goes_on || name == "maze" && cells(self) != cells(kept);
+            if let Some(first) = changes.first().filter(|_| is_fatal) {
+                return Err(format!("{first}: install the version that the run began with"));
+            }
+            said.extend(changes);
+        }
         // Runs of earlier versions know no files.
         let files = self.changed_files(kept).filter(|_| !kept.sources.is_empty());
-        let files = files.map(|files| files + " was saved: it goes on with what there is now");
-        Ok(changes.chain(files).collect())
+        said.extend(files.map(|files| files + " was saved: it goes on with what there is now"));
+        Ok(said)
     }
 
     fn unbounded(&self) -> Option<String> {

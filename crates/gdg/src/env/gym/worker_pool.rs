@@ -136,12 +136,13 @@ impl Pool {
     ) -> Result<(Self, EnvFacts), EnvError> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
+        let another = |why| failed(&address.id, why, Vec::new());
         let (found, warnings) = if let Some((found, was)) = kept {
-            (found, about.changes_since(&was)?)
+            (found, about.changes_since(&was).map_err(another)?)
         } else {
             let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
-            let warnings: Vec<String> = about.warnings().collect();
-            (facts::find(&mut worker, &about, goal, radius)?, warnings)
+            let (found, reached) = facts::find(&mut worker, &about, goal, radius)?;
+            (found, about.warnings().chain(reached).collect())
         };
         let (mut pool, found) = Self::only_read(address, options, about, found)?;
         pool.job = job;
@@ -192,12 +193,10 @@ impl Pool {
         };
         let new = || {
             let (worker, about) = start(&self.address, &self.options, &self.job)?;
-            if let Some(files) = about.changed_files(&self.about) {
-                let problem = files + " began: put back what was there";
-                return Err(failed(&self.address.id, problem, Vec::new()));
-            }
-            about.changes_since(&self.about)?;
-            Ok(worker)
+            let files = about.changed_files(&self.about);
+            let files = files.map(|files| files + " began: put back what was there");
+            let why = files.or(about.changes_since(&self.about).err());
+            why.map_or(Ok(worker), |why| Err(failed(&self.address.id, why, Vec::new())))
         };
         let mut worker = idle.map_or_else(new, Ok)?;
         worker.make(environments)?;

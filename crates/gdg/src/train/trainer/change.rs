@@ -49,6 +49,19 @@ pub struct KeptState {
 }
 
 impl Trainer {
+    /// Makes the first edit that is due, if any; it is still to come where that fails.
+    pub fn make_edit(&mut self) -> Result<Option<WorldChange>> {
+        let updates = self.counters.updates;
+        let due = self.edits.iter().position(|edit| edit.updates <= updates);
+        let Some(i) = due else { return Ok(None) };
+        let edit = self.edits.remove(i);
+        let changed = self.change_world(&*edit.world);
+        if changed.is_err() {
+            self.edits.insert(i, edit);
+        }
+        changed.map(Some)
+    }
+
     /// Continues with the same networks in `world`, an edited version. Removes transitions that are
     /// no longer possible from the replay buffer, rebuilds bridge candidates and edges from the
     /// rest, and moves agents out of invalid positions.

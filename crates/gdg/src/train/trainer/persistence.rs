@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::graphs::Graphs;
-use super::{Result, Trainer, new_learner};
+use super::{Edit, Result, Trainer, new_learner};
 use crate::env::Recorded;
 use crate::job::Job;
 use crate::learn::{Learner, Losses, Threads};
@@ -205,6 +205,12 @@ impl Trainer {
         state.put("film", &self.film)?;
         state.put("counters", &self.counters)?;
         state.put("seconds", &self.seconds)?;
+        let saved = |Edit { updates, world }: &Edit| {
+            let mut store = Store::default();
+            world.abilities().recorded.iter().for_each(|recorded| recorded.save(&mut store));
+            (*updates, store)
+        };
+        state.put("edits", &self.edits.iter().map(saved).collect::<Vec<_>>())?;
         state.put("batch_rng", &self.batch_rng)?;
         let about = About {
             world: self.world().kind().to_owned(),
@@ -232,9 +238,16 @@ impl Trainer {
             StoreError::inconsistent(format!("its setting {name} must be {values}"))
         };
         run.settings.validate().map_err(range)?;
+        // Those of earlier versions have none.
+        let edits: Vec<(u64, Store)> = state.get("edits").unwrap_or_default();
+        let edits = edits.into_iter().map(|(updates, saved)| {
+            Ok(Edit { updates, world: registry.load_world(&world, &saved)? })
+        });
+        let edits = edits.collect::<Result<_>>()?;
         let world = registry.load_world(&world, &state)?;
         memory::check(&run, &*world, registry)?;
         let mut trainer = Self::new(run, &*world, registry, threads)?;
+        trainer.edits = edits;
         history.check(trainer.spec())?;
         trainer.history = history;
         trainer.counters = state.get("counters")?;
