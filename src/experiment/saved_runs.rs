@@ -75,6 +75,8 @@ pub struct SavedRun {
     pub resumed: Option<PathBuf>,
     pub updates: u64,
     pub progress: Progress,
+    /// The file that it is going to be saved to, and how often, in seconds: otherwise at the end.
+    pub saves: Option<(PathBuf, Option<f64>)>,
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,

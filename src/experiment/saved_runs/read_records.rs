@@ -74,6 +74,8 @@ struct Start {
     #[serde(default)]
     updates: u64,
     resumed: Option<PathBuf>,
+    save: Option<PathBuf>,
+    save_every: Option<f64>,
 }
 
 impl SavedRun {
@@ -95,6 +97,7 @@ impl SavedRun {
             version: start.version,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),
+            saves: start.save.map(|path| (path, start.save_every)),
             updates: start.updates,
             ..Self::default()
         }

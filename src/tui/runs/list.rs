@@ -6,9 +6,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::Wish;
 use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
+use crate::setup::saves::clock_time;
 use gdg::files;
 use gdg::text::counted;
 
@@ -166,6 +168,15 @@ impl List {
         wish(self.selected().ok_or("no run is selected")?, None)
     }
 
+    /// Selects the run of a file that grows; returns the wish to watch it, or what is awaited as long as
+    /// it has not been saved.
+    pub fn to_watch(&mut self, source: &Path) -> Option<Result<Wish, String>> {
+        let mut growing = self.all.iter().filter(|run| run.source == source && is_growing(run));
+        let run = growing.next_back()?.clone();
+        self.selected = Some(run.clone());
+        Some(wish(&run, None).map_err(|_| awaited(&run)))
+    }
+
     /// Returns the wish to see the two marked runs, or the marked and the selected one, side by side.
     pub fn to_compare(&self) -> Result<Wish, String> {
         let mut runs: Vec<&Arc<SavedRun>> = self.marks.values().collect();
@@ -231,6 +242,21 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
     });
     let beside = beside.map(|run| checkpoint(run)).transpose()?;
     Ok(Wish { file: checkpoint(run)?, beside, warning, watches })
+}
+
+/// Says what is awaited of a run that has not been saved yet.
+fn awaited(run: &SavedRun) -> String {
+    let begun =
+        run.written.and_then(|at| at.checked_sub(Duration::from_secs_f64(run.progress.seconds)));
+    let due = |every: f64| Some(clock_time(begun? + Duration::try_from_secs_f64(every).ok()?)?);
+    let when = match &run.saves {
+        Some((_, Some(every))) => {
+            due(*every).map_or(String::new(), |at| format!(", at about {at}"))
+        }
+        Some((_, None)) => ", at its end".to_owned(),
+        None => ", which it has no --save for".to_owned(),
+    };
+    format!("waiting for the first save of {}{when}   Esc: the list", name(&run.source))
 }
 
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {

@@ -408,10 +408,8 @@ impl SceneKind for SpaceState {
                     MouseButton::Middle => {}
                 }
             }
-            MouseEventKind::Up(MouseButton::Left) if is_free && from.is_some() => {
-                if !self.turned {
-                    self.set_goal(point, screen);
-                }
+            MouseEventKind::Up(MouseButton::Left) if is_free && from.is_some() && !self.turned => {
+                self.set_goal(point, screen);
             }
             _ => {}
         }

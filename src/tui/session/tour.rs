@@ -615,7 +615,7 @@ mod tests {
         }
         let networks = Snapshot::capture(&trainer).expect("a snapshot").networks.clone();
         let is_found =
-            |i: &usize| borne_out(&clearest(&networks, *i), &networks, &world.map()).is_some();
+            |i: &usize| borne_out(&clearest(&networks, *i), &networks, world.map()).is_some();
         let found = (0..10).filter(is_found).count();
         assert!(found > 1, "in {found} of 10 samples");
     }

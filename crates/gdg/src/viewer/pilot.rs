@@ -256,7 +256,7 @@ pub struct Ghost {
     pub steps: u32,
     /// Whether it has been at the goal, where it stays.
     pub arrived: bool,
-    /// The step since which it has been about one place, within [`STANDS_WITHIN`].
+    /// The step since which it has been about one place.
     pub stands_since: u32,
     stands_at: Vec<f32>,
 }
