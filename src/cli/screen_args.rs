@@ -74,7 +74,7 @@ pub struct RunsArgs {
 
 const WATCH_EXAMPLES: &str = "\
 Examples:
-  gdg-tui watch                              the run here that was written last
+  gdg-tui watch                              the run that goes on, or the last
   gdg-tui watch runs/a.safetensors           as its checkpoint has it
   gdg-tui watch runs/a.jsonl                 by its records
 

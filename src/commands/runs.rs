@@ -38,9 +38,8 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     }
     if obstacle().is_none() {
         let opener = || opener(&args.screen, registry);
-        return on_screen(&args.screen, [""; 2], opener, |opener, interface| {
-            show(&args.folders, None, opener, interface)
-        });
+        let list = |opener, interface: &mut _| show(&args.folders, false, opener, interface);
+        return on_screen(&args.screen, [""; 2], opener, list);
     }
     let runs = read(&args.folders);
     if !runs.is_empty() {
@@ -62,28 +61,24 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
     found.runs.into_iter().filter(|run| !run.is_damaged()).collect()
 }
 
-/// Shows the list, and what is opened in it, in turns; ends with the run of `awaited` records, if that
-/// is what is shown first.
+/// Shows a list, and what is opened in it, in turns; if it `awaits` a first save, only that run.
 fn show(
-    folders: &[PathBuf],
-    awaited: Option<PathBuf>,
+    places: &[PathBuf],
+    awaits: bool,
     opener: Opener,
     interface: &mut PreparedInterface,
 ) -> Result<(u8, String), Report> {
-    let watches = awaited.is_some();
-    let mut list = RunsScreen::open(folders, awaited, opener, interface)?;
+    let awaited = places.first().filter(|_| awaits).cloned();
+    let mut list = RunsScreen::open(places, awaited, opener, interface)?;
     let (mut status, mut notice) = (0, String::new());
     loop {
         interface.notice = None;
         let (left, opened, signalled) = list.show(interface, &notice)?;
-        interface.notice = (!watches).then_some("q leads back to the list of runs");
+        interface.notice = (!awaits).then_some("q leads back to the list of runs");
         let Some(opened) = opened else { return Ok((status.max(signalled), String::new())) };
         let (ended, files) = shown(opened, interface)?;
-        if let Some(signalled) = interface.ended() {
-            return Ok((signalled, String::new()));
-        }
         (list, status, notice) = (left, status.max(ended), files);
-        if watches {
+        if let Some(status) = interface.ended().or(awaits.then_some(status)) {
             return Ok((status, String::new()));
         }
     }
@@ -92,51 +87,39 @@ fn show(
 pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let opener = opener(&args.screen, registry).map_err(failure)?;
     let refusal = ["a run", "gdg-tui runs lists runs without one"];
-    let found = || {
-        let found = to_watch(&args.file)?;
-        let open = |wish| opener(wish, &Waiting::on("opening the run"));
-        found.map(open).map_or_else(|records| Ok(Err(records)), |opened| opened.map(Ok))
+    let find = || match to_watch(&args.file)? {
+        (Some(file), records) => {
+            let wish = Wish { file, beside: None, warning: None, watches: Some(records) };
+            opener(wish, &Waiting::on("opening the run")).map(Ok)
+        }
+        (None, records) => Ok(Err(records)),
     };
-    on_screen(&args.screen, refusal, found, |found, interface| match found {
+    on_screen(&args.screen, refusal, find, |found, interface| match found {
         Ok(opened) => shown(opened, interface),
-        Err((folder, records)) => show(&[folder], Some(records), opener.clone(), interface),
+        Err(records) => show(&[records], true, opener.clone(), interface),
     })
 }
 
-/// Returns the wish to watch the run that a file is of, its checkpoint or its records; of a folder,
-/// the one that was written last, preferably one that goes on. Of one that goes on and has not been
-/// saved yet, returns its folder and its records.
-fn to_watch(given: &Path) -> Result<Result<Wish, (PathBuf, PathBuf)>, Report> {
+/// Returns checkpoint, once it is there, and records of a file's run; of a folder, of the latest one.
+fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     let file = Some(whole(given)).filter(|_| !given.is_dir());
-    let beside =
-        given.parent().map(|folder| if folder == Path::new("") { Path::new(".") } else { folder });
+    let beside = file.as_deref().and_then(Path::parent);
     let is_meant = |run: &&Arc<SavedRun>| {
         let saves = run.saves.as_ref().map(|(path, _)| path);
-        let mut own =
-            [&run.source].into_iter().chain(&run.others).chain(&run.checkpoint).chain(saves);
-        file.as_ref().is_none_or(|file| own.any(|own| whole(own) == *file))
+        let own = [&run.source].into_iter().chain(&run.others).chain(&run.checkpoint);
+        file.as_ref().is_none_or(|file| own.chain(saves).any(|own| whole(own) == *file))
     };
-    let places = [Some(given), beside.filter(|_| file.is_some())].into_iter().flatten();
-    let runs = read(&places.filter(|place| place.exists()).map(Path::to_owned).collect::<Vec<_>>());
+    let places = [Some(given), beside].into_iter().flatten().filter(|place| place.exists());
+    let runs = read(&places.map(Path::to_owned).collect::<Vec<_>>());
     let goes_on = |run: &Arc<SavedRun>| run.state() == RunState::Running;
     let usable = runs.iter().filter(is_meant).filter(|run| goes_on(run) || run.kept().is_some());
-    let own = || (given.to_owned(), given.to_owned());
-    let (file, records) = match usable.max_by_key(|run| (goes_on(run), run.written)) {
-        Some(run) => match run.kept() {
-            Some(kept) => (kept, run.source.clone()),
-            None => {
-                let folder = if given.is_dir() { Some(given) } else { beside };
-                let folder = folder.unwrap_or(Path::new(".")).to_owned();
-                return Ok(Err((folder, run.source.clone())));
-            }
-        },
-        None if is_named_like_one(given) => own(),
-        None => {
-            let help = "a run is seen as its checkpoint has it: train with --save FILE";
-            return Err(miette!(help = help, "{}: no run with a checkpoint yet", given.display()));
-        }
-    };
-    Ok(Ok(Wish { file, beside: None, warning: None, watches: Some(records) }))
+    let last = usable.max_by_key(|run| (goes_on(run), run.written));
+    let own = || (Some(given.to_owned()), given.to_owned());
+    let found = last.map(|run| (run.kept(), run.source.clone()));
+    found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
+        let help = "a run is seen as its checkpoint has it: train with --save FILE";
+        miette!(help = help, "{}: no run with a checkpoint yet", given.display())
+    })
 }
 
 fn shown(opened: Opened, interface: &mut PreparedInterface) -> Result<(u8, String), Report> {

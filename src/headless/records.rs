@@ -21,7 +21,6 @@ pub enum Record {
         world: &'static str,
         #[serde(skip_serializing_if = "Option::is_none")]
         fingerprint: Option<String>,
-        /// Facts reported by the world.
         #[serde(flatten)]
         facts: Map<String, Value>,
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -92,7 +91,6 @@ pub enum Record {
     },
 }
 
-/// Running means of the losses.
 #[derive(Debug, Serialize)]
 pub struct LossRecord {
     critic: Option<f32>,

@@ -64,16 +64,8 @@ pub fn resume_command(file: &Path) -> String {
 
 /// Describes how long ago something happened, if that is known: `25 minutes ago`, `yesterday`.
 pub fn ago(at: SystemTime) -> Option<String> {
-    Some(age(&local(at)?, &Zoned::now()))
-}
-
-/// Returns hours and minutes: `18:05`.
-pub fn clock_time(at: SystemTime) -> Option<String> {
-    Some(local(at)?.strftime("%R").to_string())
-}
-
-fn local(at: SystemTime) -> Option<Zoned> {
-    Some(Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system()))
+    let at = Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system());
+    Some(age(&at, &Zoned::now()))
 }
 
 fn age(at: &Zoned, now: &Zoned) -> String {

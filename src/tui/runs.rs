@@ -107,8 +107,7 @@ pub struct RunsScreen {
 }
 
 impl RunsScreen {
-    /// Begins to read the runs of folders, which `opener` opens: at once that of `awaited` records, if
-    /// it is saved.
+    /// Begins to read the runs of folders, of which that of `awaited` records is opened once it is saved.
     pub fn open(
         folders: &[PathBuf],
         awaited: Option<PathBuf>,

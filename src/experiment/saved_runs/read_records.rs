@@ -208,8 +208,7 @@ fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
     }
 }
 
-/// Joins the parts of a run that was resumed, or begun again; the runs are in the order in which they
-/// began.
+/// Joins parts of runs that were resumed, or begun again, in the order in which they began.
 fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
     let mut runs: Vec<SavedRun> = Vec::new();
     let mut places: HashMap<_, Vec<usize>> = HashMap::new();

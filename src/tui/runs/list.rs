@@ -8,9 +8,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+
 use super::Wish;
 use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
-use crate::setup::saves::clock_time;
 use gdg::files;
 use gdg::text::counted;
 
@@ -168,8 +170,7 @@ impl List {
         wish(self.selected().ok_or("no run is selected")?, None)
     }
 
-    /// Selects the run of a file that grows; returns the wish to watch it, or what is awaited as long as
-    /// it has not been saved.
+    /// Selects a file's run that grows; returns the wish to watch it, or what is awaited until it is saved.
     pub fn to_watch(&mut self, source: &Path) -> Option<Result<Wish, String>> {
         let mut growing = self.all.iter().filter(|run| run.source == source && is_growing(run));
         let run = growing.next_back()?.clone();
@@ -246,17 +247,18 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
 
 /// Says what is awaited of a run that has not been saved yet.
 fn awaited(run: &SavedRun) -> String {
-    let begun =
-        run.written.and_then(|at| at.checked_sub(Duration::from_secs_f64(run.progress.seconds)));
-    let due = |every: f64| Some(clock_time(begun? + Duration::try_from_secs_f64(every).ok()?)?);
-    let when = match &run.saves {
-        Some((_, Some(every))) => {
-            due(*every).map_or(String::new(), |at| format!(", at about {at}"))
-        }
-        Some((_, None)) => ", at its end".to_owned(),
-        None => ", which it has no --save for".to_owned(),
+    let trained = Duration::try_from_secs_f64(run.progress.seconds).unwrap_or_default();
+    let due = |every: f64| {
+        let at = run.written? + Duration::try_from_secs_f64(every).ok()?.saturating_sub(trained);
+        Some(Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system()).strftime("%R").to_string())
     };
-    format!("waiting for the first save of {}{when}   Esc: the list", name(&run.source))
+    let when = match &run.saves {
+        Some((_, every)) => {
+            every.and_then(due).map_or("its end".to_owned(), |at| format!("about {at}"))
+        }
+        None => "no time: it has no --save".to_owned(),
+    };
+    format!("waiting for the first save of {}, at {when}   Esc: the list", name(&run.source))
 }
 
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {

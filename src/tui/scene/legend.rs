@@ -185,8 +185,7 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("then", "what happens when the agent arrives"),
 ];
 
-/// Says how the walk along the plan and that of the actor alone go, if both are shown, and the same in
-/// fewer and fewer words; without plans, that the actor stands, if it does.
+/// Says how plan and actor alone go, in fewer and fewer words; without plans, that the actor stands.
 pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>> {
     let (reach, plans) = (&scene.view().reach, screen.run().method.plans());
     let ghost = reach.ghost.as_ref().filter(|_| !plans || screen.overlays.has(Overlay::Ghost))?;

@@ -1,8 +1,7 @@
 //! The guided tour: a minute and a half on the four rooms, with captions beside what they explain.
 //!
-//! `STEPS` is the table of steps: a step ends a while after what it
-//! explains has been seen, or at its time limit. Whatever the tour does, it does by the same
-//! commands as the user.
+//! `STEPS` is the table of steps: a step ends a while after what it explains has been seen, or at its
+//! time limit. Whatever the tour does, it does by the same commands as the user.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -44,8 +43,7 @@ pub struct Tour {
     start: Option<Cell>,
     /// The way to the far room, as planned before a door was closed.
     route: Vec<[f32; 2]>,
-    /// The cells of the closed door; a place before it, and its D to the goal before the door was
-    /// closed.
+    /// The cells of the closed door; a place before it, and what its D to the goal was.
     closed: Vec<Cell>,
     watched: ([f32; 2], f32),
     /// Whether the tour shows searches, which the user did not.
@@ -268,8 +266,7 @@ const LEAST_GAIN_STEPS: f32 = 6.0;
 const LEAST_GAIN: f32 = 0.15;
 const LEAST_PART: f32 = 0.2;
 
-/// The most that a walk may take more than D over the bridge, as a share of what that saves; and how
-/// many walks one look tries.
+/// How much longer a walk may be, as a share of what the bridge saves, and how many a look tries.
 const WALK_SHARE: f32 = 0.4;
 const MOST_WALKS: usize = 8;
 
@@ -296,8 +293,7 @@ const fn step(
 pub const STEPS: &[TourStep] = &[
     step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
     step("D bends", [7.0, 25.0], |_, _| {}, bending),
-    step("A bridge", [12.0, 30.0], |_, _| {}, bridge),
-    step("Over the bridge", [4.0, 14.0], walk_over, over_bridge),
+    step("A bridge", [16.0, 34.0], |_, _| {}, bridge),
     step("A plan", [1.5, 16.0], aim_far, plan),
     step("A door closes", [5.0, 24.0], close_door, closed),
     step("Now you", [14.0, 14.0], open_door, now_you),
@@ -376,8 +372,7 @@ impl TourBridge {
     }
 }
 
-/// Returns the bridges that save most among a sample of the candidates, by the learned D alone: the best
-/// first, of those between the same two places only one.
+/// Returns the best bridge between any two of a sample of candidates, by the learned D; the best first.
 pub fn clearest(networks: &Networks, sample: usize) -> Vec<TourBridge> {
     let (places, _) = networks.candidates.points().as_chunks::<2>();
     let n = places.len().min(SAMPLE);
@@ -402,8 +397,7 @@ pub fn clearest(networks: &Networks, sample: usize) -> Vec<TourBridge> {
     bridges
 }
 
-/// Returns the first of `bridges` that a walk bears out: over it, the actor takes about as many steps as
-/// D says, so fewer than D says without it.
+/// Returns the first of `bridges` over which the actor takes about as many steps as D says.
 pub fn borne_out(
     bridges: &[TourBridge],
     networks: &Networks,
@@ -454,59 +448,30 @@ fn find_bridge(tour: &mut Tour, cx: &mut Cx) {
     tour.shows_search |= show_overlay(Overlay::Search, true, cx);
 }
 
-/// Returns the caption of a step about a bridge, as long as none has been found.
-fn no_bridge(cx: &Cx) -> Option<Caption> {
-    let text =
-        "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G).";
-    let subject = vec![cx.scene.maze()?.goal.centre()];
-    Some(Caption { text: text.to_owned(), subject, ..Caption::default() })
-}
-
 fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     if tour.bridge.is_none() {
         find_bridge(tour, cx);
     }
-    let Some(TourBridge { stops: [start, bridge, goal], distances: [first, second, direct] }) =
+    let maze = cx.scene.maze()?;
+    let (goal, walk) = (maze.goal.centre(), &maze.view.reach);
+    let Some(TourBridge { stops: [start, bridge, _], distances: [first, second, direct] }) =
         tour.bridge
     else {
-        return no_bridge(cx);
+        let text =
+            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G).";
+        let subject = vec![goal];
+        return Some(Caption { text: text.to_owned(), subject, ..Caption::default() });
     };
+    let state = if walk.arrived { "is there after" } else { "has taken" };
     let text = format!(
         "D(S,G) = {direct:.0} steps, but over B, along the line, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = \
-         {:.0}. D is better at short ways than at long ones: the bridge B makes one hard task two easier ones. The map shows \
-         D(S,.) + D(.,G), least at good bridges.",
-        first + second
+         {:.0}. D is better at short ways than at long ones: a bridge makes one hard task two easier ones. @ walks from S to \
+         G and {state} {} steps. The map shows D(S,.) + D(.,G), least at good bridges.",
+        first + second,
+        walk.steps
     );
     // Wherever the three are, there is room for the box beside them; a whole line may leave none.
     Some(Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true })
-}
-
-fn walk_over(tour: &mut Tour, cx: &mut Cx) {
-    if tour.bridge.is_some() {
-        watching::show_field(cx, Field::Learned);
-        tour.send_walker(cx);
-    }
-}
-
-fn over_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
-    let Some(TourBridge { stops, distances: [first, second, direct] }) = tour.bridge else {
-        return no_bridge(cx).map(|caption| Caption { seen: true, ..caption });
-    };
-    let walk = &cx.scene.maze()?.view.reach;
-    // An earlier walk has ended when the step begins.
-    let seen = walk.arrived && tour.elapsed > 1.0;
-    let state = if seen {
-        format!("It has arrived after {} steps.", walk.steps)
-    } else {
-        format!("{} steps so far.", walk.steps)
-    };
-    let text = format!(
-        "Now @ walks from S to G, from bridge to bridge. {state} D(S,G) was {direct:.0}, over B {:.0}: this early, D is \
-         still too long.",
-        first + second
-    );
-    let subject = [vec![stops[2]], points_along(&stops)].concat();
-    Some(Caption { text, subject, marks: Vec::new(), seen })
 }
 
 fn aim_far(tour: &mut Tour, cx: &mut Cx) {
@@ -603,14 +568,12 @@ mod tests {
     use gdg::map::builtin;
     use gdg::train::{Registry, Trainer};
 
-    /// The tour has shown a bridge by then, at the speed of two cores.
-    const UPDATES: u64 = 3_000;
-
     #[test]
     fn the_tours_own_run_has_clear_bridges_early_in_training() {
         let world = PointMaze::new(Arc::new(builtin(MAP).expect("a map")), 0);
         let mut trainer = Trainer::new(run(), &world, &Registry::builtin(), 2).expect("a run");
-        while trainer.counters().updates < UPDATES {
+        // The tour has shown a bridge by then, at the speed of two cores.
+        while trainer.counters().updates < 3_000 {
             trainer.tick().expect("a tick");
         }
         let networks = Snapshot::capture(&trainer).expect("a snapshot").networks.clone();

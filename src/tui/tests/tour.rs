@@ -132,7 +132,7 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     let text = caption(&app);
     let digits = text.split(|c: char| !c.is_ascii_digit()).filter(|part| !part.is_empty());
     let numbers: Vec<f32> = digits.map(|number| number.parse().expect("a number")).collect();
-    let [direct, first, second, sum] = numbers[..] else { panic!("{text}") };
+    let [direct, first, second, sum, _] = numbers[..] else { panic!("{text}") };
     assert!(first + second == sum && sum <= 0.85 * direct && first.min(second) >= 0.2 * direct);
     assert_eq!(app.screen.field, Field::OverEach);
     let shown = app.screen.search().cloned().expect("the bridge is drawn");
@@ -145,16 +145,14 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     assert_eq!(terminal.backend().buffer()[at.expect("it is on the screen")].symbol(), "B");
     let goal = Cell::new(shown.goal[0] as usize, shown.goal[1] as usize);
     assert_eq!(app.maze().goal, goal);
-    press(&mut app, KeyCode::Right);
     assert!(caption(&app).contains("@ walks from S to G"), "{}", caption(&app));
-    assert_eq!(app.screen.field, Field::Learned, "D to the goal again");
     press(&mut app, KeyCode::Enter);
     assert!(app.screen.explained.is_none(), "the next step hides it");
 }
 
 #[test]
 fn clicks_and_keys_move_on_and_esc_ends() {
-    for ending_step in [2, 5] {
+    for ending_step in [2, 4] {
         let mut app = touring_still();
         let (overlays, goal, map) =
             (app.screen.overlays, app.maze().goal, app.maze().map.free_count());
@@ -163,7 +161,7 @@ fn clicks_and_keys_move_on_and_esc_ends() {
         assert_eq!((step(&app), app.maze().goal), (Some(1), goal), "the click sets no goal");
         (1..ending_step).for_each(|_| press(&mut app, KeyCode::Enter));
         assert_eq!(step(&app), Some(ending_step));
-        assert_eq!(app.maze().map.free_count() < map, ending_step == 5, "a door");
+        assert_eq!(app.maze().map.free_count() < map, ending_step == 4, "a door");
         press(&mut app, KeyCode::Esc);
         assert_eq!((step(&app), app.screen.field), (None, Field::Learned));
         assert_eq!((app.screen.overlays, app.maze().map.free_count()), (overlays, map));
