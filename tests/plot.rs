@@ -105,6 +105,11 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())
     );
+    // What ends between a figure and the table leaves nothing that counts as edited.
+    let cut = ["c.jsonl", "--out", "cut.svg", "--out", "a.jsonl/cut.png"];
+    let statuses = [&["a.jsonl", "--out", "cut.svg"][..], &cut, &cut[..3]]
+        .map(|args| plot(folder.path(), args).status);
+    assert_eq!(statuses, [0, 2, 0].map(Some));
 }
 
 #[test]

@@ -181,6 +181,18 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("file is gone");
     std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
     session.wait_for("just now");
+    std::fs::remove_file(path("own.jsonl")).unwrap();
+    session.wait_for("records are gone");
+    let mut other = program_in(folder.path());
+    other.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1", "--seed", "5"]);
+    ran({
+        other.args(SMALL).args(["--save", "other.safetensors"]);
+        other
+    });
+    std::fs::rename(path("other.safetensors"), path("own.safetensors")).unwrap();
+    session.wait_for("the file has another run now: trap, gdg-bridge, seed 5");
+    std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
+    session.wait_for("the file has another run now: trap, gdg-bridge, seed 0");
     session.press("t");
     session.wait_for("train a copy, saved as");
     session.press("\u{15}own.safetensors\r");

@@ -337,6 +337,8 @@ fn damaged_results_are_named_and_made_again() {
         place.run(&args).err
     };
     has_parts(&done(&written), &["1 job done, 0 to run"]);
+    let impossible = written.replace("\"success\": ", "\"success\": 3");
+    has_parts(&done(&impossible), &["is damaged: impossible numbers at update", "1 to run"]);
     has_parts(&done(&written[..written.len() / 2]), &["is damaged: EOF while parsing", "1 to run"]);
     // A file of another kind is not replaced.
     let text = "version https://git-lfs.github.com/spec/v1\noid 1\n";

@@ -33,7 +33,14 @@ pub fn read_result(path: &Path) -> Result<JobResult, Report> {
         |problem: String| Report::msg(sanitized(&format!("{}: {problem}", path.display())));
     let bytes = files::read(path, MAX_RESULT_BYTES)
         .map_err(|error| problem(format!("cannot be read: {error}")))?;
-    serde_json::from_slice(&bytes).map_err(|error| problem(format!("is damaged: {error}")))
+    let result: JobResult =
+        serde_json::from_slice(&bytes).map_err(|error| problem(format!("is damaged: {error}")))?;
+    match result.evaluations.iter().find(|at| !at.is_possible()) {
+        Some(at) => {
+            Err(problem(format!("is damaged: impossible numbers at update {}", at.updates)))
+        }
+        None => Ok(result),
+    }
 }
 
 /// The folder of an experiment, which need not exist yet.

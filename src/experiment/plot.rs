@@ -276,6 +276,7 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     notes.iter().for_each(|note| eprint_line(note));
     eprint_line(&drawn.caption);
     let mut lines = String::new();
+    remove_table(&table)?;
     for (path, figure) in out.iter().zip(figures) {
         lines += &write(path, &figure)?;
     }
@@ -295,6 +296,12 @@ fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(
     refuse_existing(table, overwrite || found.is_some() && known.any(|known| known == found))
 }
 
+/// Removes a table before figures with another one are written: killed in between, the program would
+/// take it for edited.
+fn remove_table(table: &Path) -> Result<(), Report> {
+    if table.exists() { std::fs::remove_file(table).into_diagnostic() } else { Ok(()) }
+}
+
 /// Writes figures and the table behind them to the folder of an experiment. If somebody has edited one
 /// of these, all are left as they are, which is said.
 pub fn write_unless_edited(
@@ -308,6 +315,7 @@ pub fn write_unless_edited(
         eprint_line(&format!("{problem}, edited: figure and table are left as they are"));
         return Ok(());
     }
+    remove_table(&folder.path(table.0))?;
     for name in figures {
         let format = FigureFormat::of(Path::new(name)).unwrap_or(FigureFormat::Svg);
         folder.write(name, &format.encode_with_table(sheet, table.1)?)?;

@@ -24,7 +24,7 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-pub use read_records::{Progress, whole};
+pub use read_records::{Progress, RecordsReader, whole};
 pub use reader::{FoundRuns, RunReader, checkpoints_below};
 
 /// Records that have not grown for this long are not of a running run.
@@ -157,11 +157,18 @@ impl SavedRun {
     }
 
     pub fn state(&self) -> RunState {
-        self.end.unwrap_or_else(|| {
-            // Another machine's clock may be ahead.
-            let age = self.written.map(|at| at.elapsed().unwrap_or_default());
-            if age.is_some_and(|age| age < QUIET) { RunState::Running } else { RunState::CutOff }
-        })
+        // Another machine's clock may be ahead.
+        let age = self.written.map(|at| at.elapsed().unwrap_or_default());
+        let is_within = |limit| age.is_some_and(|age| age < limit);
+        // The process of a job holds a file beside its checkpoint, which one that was killed leaves behind.
+        let is_held = || self.source.with_extension("lock").is_file();
+        let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
+        match self.end {
+            Some(_) if is_job && is_held() => RunState::Running,
+            Some(end) => end,
+            None if is_within(QUIET) => RunState::Running,
+            None => RunState::CutOff,
+        }
     }
 
     /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.
@@ -402,7 +409,15 @@ pub fn file(path: &Path) -> Result<Vec<SavedRun>, Report> {
             Err(_) => {}
         }
     }
-    read_records::read(path)
+    RecordsReader::new(path).read()
+}
+
+/// What distinguishes versions of a file: when it was written, and its size.
+pub type Stamp = (Option<SystemTime>, u64);
+
+pub fn stamp(path: &Path) -> Option<Stamp> {
+    let found = std::fs::metadata(path).ok()?;
+    Some((found.modified().ok(), found.len()))
 }
 
 /// Returns the last fact of a fingerprint.
@@ -412,14 +427,6 @@ fn checksum(fingerprint: &str) -> String {
 
 fn unreadable(path: &Path, error: &std::io::Error) -> Report {
     miette!(help = HELP, "{}: cannot be read: {error}", path.display())
-}
-
-/// Whether a checkpoint is of a job that runs: its process holds a file beside it, which one that was
-/// killed leaves behind, and saves every few minutes.
-fn is_job_running(path: &Path) -> bool {
-    let written = path.metadata().and_then(|found| found.modified()).ok();
-    let age = written.and_then(|at| at.elapsed().ok()).unwrap_or_default();
-    path.with_extension("lock").is_file() && age < MOST_BETWEEN_SAVES
 }
 
 fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
@@ -439,7 +446,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: RunKind::Checkpoint,
-        end: Some(if is_job_running(path) { RunState::Running } else { RunState::Saved }),
+        end: Some(RunState::Saved),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
         edits,

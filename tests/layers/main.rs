@@ -39,8 +39,8 @@ const PROGRAM: [Room; 8] = [
     ("setup", 845),
     ("figure", 858),
     ("headless", 961),
-    ("experiment", 5_551),
-    ("tui", 19_424),
+    ("experiment", 5_662),
+    ("tui", 19_447),
     ("cli", 643),
     ("commands", 1_027),
 ];

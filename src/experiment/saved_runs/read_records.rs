@@ -2,7 +2,7 @@
 //! one run.
 
 use std::collections::{HashMap, HashSet};
-use std::io::{BufRead, Read};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
 
@@ -18,6 +18,9 @@ use gdg::train::DataSource;
 
 /// The longest line of records: none that this program writes is nearly as long.
 const MOST_OF_A_LINE: u64 = 16 << 20;
+
+/// Records begin within so many bytes: what else is written to standard output comes before.
+const MOST_BEFORE_RUNS: u64 = 1 << 20;
 
 const RECORDS: Wanted =
     Wanted { name: "records of a run", help: HELP, own: &[FileFormat::Json, FileFormat::Text] };
@@ -135,60 +138,100 @@ fn found_from(records: &Path, path: PathBuf) -> PathBuf {
     found.unwrap_or(path)
 }
 
-/// Reads the runs in a file of records, one JSON object per line: each begins with its `start`.
+/// Reads the runs in a file of records, one JSON object per line: each begins with its `start`. What
+/// has been read before is not read again.
+///
 /// Leaves out lines that are no records, as a full disk or a second writer may have damaged them.
-pub fn read(path: &Path) -> Result<Vec<SavedRun>, Report> {
-    let file = open(path).map_err(|error| unreadable(path, &error))?;
-    let mut reader = std::io::BufReader::new(file);
-    let (mut runs, mut line, mut problem) = (Vec::<SavedRun>::new(), Vec::new(), None);
-    for number in 1_u64.. {
-        line.clear();
-        let mut part = reader.by_ref().take(MOST_OF_A_LINE);
-        if part.read_until(b'\n', &mut line).map_err(|error| unreadable(path, &error))? == 0 {
-            break;
-        }
-        let is_whole = line.ends_with(b"\n");
-        let is_too_long = !is_whole && line.len() as u64 >= MOST_OF_A_LINE;
-        if is_too_long {
-            reader.skip_until(b'\n').map_err(|error| unreadable(path, &error))?;
-        }
-        let mut text = line.trim_ascii_end();
-        if number == 1 {
-            text = text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text);
-        }
-        let found = match (serde_json::from_slice(text), runs.last_mut()) {
-            _ if text.is_empty() => continue,
-            (Ok(ReadRecord::Start(start)), _) => {
-                runs.push(SavedRun::begun(*start, path));
-                continue;
-            }
-            (Ok(record), Some(run)) => {
-                run.add(record);
-                continue;
-            }
-            (Ok(ReadRecord::Evaluation(_)), None) => {
-                ":1: an evaluation before any start record".into()
-            }
-            (Ok(_), None) => continue,
-            (Err(_), _) if is_too_long => {
-                format!(": not a record: longer than {} MB", MOST_OF_A_LINE >> 20)
-            }
-            // The last line of a run that goes on may be incomplete.
-            (Err(_), Some(_)) if !is_whole => break,
-            (Err(error), _) => not_a_record(text, &error),
-        };
-        let own = runs.last_mut().map_or(&mut problem, |run| &mut run.problem);
-        own.get_or_insert(format!(":{number}{found}"));
+pub struct RecordsReader {
+    path: PathBuf,
+    runs: Vec<SavedRun>,
+    problem: Option<String>,
+    /// Lines and bytes read.
+    lines: u64,
+    read: u64,
+    /// The line that the file begins with.
+    first: Vec<u8>,
+}
+
+impl RecordsReader {
+    pub fn new(path: &Path) -> Self {
+        let path = path.to_owned();
+        Self { path, runs: Vec::new(), problem: None, lines: 0, read: 0, first: Vec::new() }
     }
-    let Some(run) = runs.first_mut() else {
-        if let Some(Mismatch { problem, help }) = RECORDS.mismatch(path) {
-            return Err(miette!(help = help, "{}: {problem}", path.display()));
+
+    /// Reads what is new; all of a file that has shrunk or begins otherwise than before.
+    pub fn read(&mut self) -> Result<Vec<SavedRun>, Report> {
+        let path = self.path.clone();
+        self.read_on().map_err(|error| unreadable(&path, &error))?;
+        let Some(run) = self.runs.first_mut() else {
+            if let Some(Mismatch { problem, help }) = RECORDS.mismatch(&path) {
+                return Err(miette!(help = help, "{}: {problem}", path.display()));
+            }
+            let problem = self.problem.as_deref().unwrap_or(": no records");
+            return Err(miette!(help = HELP, "{}{problem}", path.display()));
+        };
+        run.problem = self.problem.clone().or(run.problem.take());
+        Ok(merged(self.runs.clone()))
+    }
+
+    fn read_on(&mut self) -> std::io::Result<()> {
+        let mut reader = BufReader::new(open(&self.path)?);
+        let mut line = Vec::new();
+        reader.by_ref().take(MOST_OF_A_LINE).read_until(b'\n', &mut line)?;
+        if line != self.first || reader.get_ref().metadata()?.len() < self.read {
+            *self = Self { first: line.clone(), ..Self::new(&self.path) };
         }
-        let problem = problem.unwrap_or(": no records".to_owned());
-        return Err(miette!(help = HELP, "{}{problem}", path.display()));
-    };
-    run.problem = problem.or(run.problem.take());
-    Ok(merged(runs))
+        reader.seek(SeekFrom::Start(self.read))?;
+        // Other programs' files, however large, are not read to their end.
+        while !self.runs.is_empty() || self.read < MOST_BEFORE_RUNS {
+            line.clear();
+            let mut length = reader.by_ref().take(MOST_OF_A_LINE).read_until(b'\n', &mut line)?;
+            let is_whole = line.ends_with(b"\n");
+            let is_too_long = !is_whole && length as u64 >= MOST_OF_A_LINE;
+            if is_too_long {
+                length += reader.skip_until(b'\n')?;
+            }
+            match self.add(&line, is_too_long) {
+                // The last line of a run that goes on may be incomplete.
+                Err(_) if !is_whole && !is_too_long && !self.runs.is_empty() => break,
+                Err(found) => {
+                    let own =
+                        self.runs.last_mut().map_or(&mut self.problem, |run| &mut run.problem);
+                    own.get_or_insert(format!(":{}{found}", self.lines + 1));
+                }
+                Ok(()) if length == 0 => break,
+                Ok(()) => {}
+            }
+            self.read += length as u64;
+            self.lines += u64::from(is_whole || is_too_long);
+        }
+        Ok(())
+    }
+
+    /// Adds a line, or says why it is no record.
+    fn add(&mut self, line: &[u8], is_too_long: bool) -> Result<(), String> {
+        let text = line.trim_ascii_end();
+        let text = text.strip_prefix(BYTE_ORDER_MARK).filter(|_| self.read == 0).unwrap_or(text);
+        match (serde_json::from_slice(text), self.runs.last_mut()) {
+            _ if text.is_empty() => {}
+            (Ok(ReadRecord::Start(start)), _) => {
+                self.runs.push(SavedRun::begun(*start, &self.path));
+            }
+            (Ok(ReadRecord::Evaluation(at)), _) if !at.is_possible() => {
+                return Err(": not a record: impossible numbers".into());
+            }
+            (Ok(record), Some(run)) => run.add(record),
+            (Ok(ReadRecord::Evaluation(_)), None) => {
+                return Err(":1: an evaluation before any start record".into());
+            }
+            (Ok(_), None) => {}
+            (Err(_), _) if is_too_long => {
+                return Err(format!(": not a record: longer than {} MB", MOST_OF_A_LINE >> 20));
+            }
+            (Err(error), _) => return Err(not_a_record(text, &error)),
+        }
+        Ok(())
+    }
 }
 
 /// Says what is wrong with a line, after its number.

@@ -4,10 +4,9 @@ use std::collections::{HashMap, HashSet};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
 
 use super::read_records::{join, whole};
-use super::{SavedRun, file, files_of};
+use super::{SavedRun, Stamp, file, files_of, stamp};
 use crate::setup::saves::{SAVES, files_in};
 use gdg::files::is_hidden;
 use gdg::train::is_checkpoint;
@@ -26,9 +25,6 @@ const MOST_FOLDERS: usize = 2_000;
 /// The folder of an experiment's jobs, which are read with it; and others without runs.
 const JOBS: &str = "jobs";
 const LEFT_OUT: [&str; 5] = [JOBS, "target", "node_modules", "site-packages", "__pycache__"];
-
-/// What distinguishes versions of a file: when it was written, and its size.
-type Stamp = (Option<SystemTime>, u64);
 
 /// Reads files, and those of folders; what has not changed since, only once.
 pub struct RunReader {
@@ -51,8 +47,7 @@ impl RunReader {
         let listed: HashSet<&PathBuf> = files.iter().collect();
         self.known.retain(|path, _| listed.contains(path));
         for (i, path) in files.iter().enumerate() {
-            let facts = std::fs::metadata(path).ok();
-            let stamp = facts.map_or((None, 0), |facts| (facts.modified().ok(), facts.len()));
+            let stamp = stamp(path).unwrap_or_default();
             if self.known.get(path).is_some_and(|(known, _)| *known == stamp) {
                 continue;
             }
@@ -144,9 +139,11 @@ fn with_folders_below(folder: &Path) -> Vec<PathBuf> {
 #[cfg(test)]
 mod tests {
     use std::fs::{create_dir_all, remove_file, write};
+    use std::time::SystemTime;
 
     use tempfile::TempDir;
 
+    use super::super::{RecordsReader, RunKind, RunState};
     use super::*;
 
     const START: &str = "{\"event\":\"start\",\"world\":\"maze\",\"map\":{\"name\":\"room\"},\
@@ -213,6 +210,43 @@ mod tests {
             ControlFlow::Break(())
         });
         assert_eq!(told, [[1, 5]], "it stops");
+    }
+
+    #[test]
+    fn records_are_read_on_and_anew_where_they_are_others() {
+        let folder = folder_of(&[("a.jsonl", &records(1_000))]);
+        let path = folder.path().join("a.jsonl");
+        let mut reader = RecordsReader::new(&path);
+        let mut read = |text: String| {
+            write(&path, text).expect("a file");
+            let runs = reader.read().expect("records");
+            (runs.len(), runs[0].seed, runs[0].updates)
+        };
+        assert_eq!(read(records(1_000)), (1, 3, 1_000));
+        // What was read before is not read again.
+        let rest = "?".repeat(records(1_000).len() - START.len() - 1);
+        let grown = format!("{START}{rest}\n{{\"event\":\"prog");
+        assert_eq!(read(grown.clone()), (1, 3, 1_000), "its last line is not complete yet");
+        assert_eq!(read(grown + "ress\",\"updates\":2000}\n"), (1, 3, 2_000));
+        assert_eq!(read(records(5)), (1, 3, 5), "it has shrunk");
+        assert_eq!(read(records(9_000_000).replace("\"seed\":3", "\"seed\":4")), (1, 4, 9_000_000));
+        // Another program's file may be large.
+        write(&path, "{}\n".repeat(400_000) + &records(5)).expect("a file");
+        assert!(RecordsReader::new(&path).read().is_err());
+    }
+
+    #[test]
+    fn a_job_runs_as_long_as_its_checkpoint_is_held_and_saved() {
+        let folder = folder_of(&[("job.lock", "")]);
+        let (now, source) = (SystemTime::now(), folder.path().join("job.safetensors"));
+        let state = |minutes: u64| {
+            let written = Some(now - std::time::Duration::from_mins(minutes));
+            let (kind, end) = (RunKind::Checkpoint, Some(RunState::Saved));
+            SavedRun { source: source.clone(), kind, end, written, ..SavedRun::default() }.state()
+        };
+        assert_eq!([1, 20].map(state), [RunState::Running, RunState::Saved]);
+        remove_file(folder.path().join("job.lock")).expect("a file");
+        assert_eq!(state(1), RunState::Saved);
     }
 
     #[test]

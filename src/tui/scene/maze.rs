@@ -32,6 +32,10 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::{OnArrival, Plane, Request, View, cell_of_goal};
 pub use map_pixels::Cache;
 
+/// How near what cannot go on is to a wall: farther than a part of a step, nearer than the middle of a
+/// corridor.
+const AT_WALL_CELLS: f32 = 0.25;
+
 pub struct MazeState {
     /// The map as the user last edited it; the trainer follows.
     pub map: Arc<Grid>,
@@ -112,9 +116,9 @@ impl SceneKind for MazeState {
     }
 
     fn is_at_wall(&self, at: &[f32]) -> bool {
-        let beside = |by: [f32; 2]| Cell::new((at[0] + by[0]) as usize, (at[1] + by[1]) as usize);
-        let sides = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(beside);
-        sides.iter().any(|cell| self.map.contains(*cell) && !self.map.is_free(*cell))
+        let sides = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
+        let beside = sides.map(|side| [0, 1].map(|k| at[k] + AT_WALL_CELLS * side[k]));
+        beside.iter().any(|[x, y]| !self.map.is_free_at(*x, *y))
     }
 
     fn view(&self) -> &View {

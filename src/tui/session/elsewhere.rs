@@ -3,37 +3,35 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
 use super::Session;
-use crate::experiment::saved_runs::{RunKind, RunState, SavedRun, file};
+use crate::experiment::saved_runs::{RecordsReader, RunKind, RunState, SavedRun, Stamp, stamp};
 use crate::setup::outputs::is_same_file;
 use crate::setup::saves::ago;
 use gdg::engine::{EngineCommand, EngineNotice, Snapshot};
 
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
 
-/// What distinguishes versions of a file: when it was written, and its size.
-type Stamp = (SystemTime, u64);
-
-fn stamp(path: &Path) -> Option<Stamp> {
-    let found = std::fs::metadata(path).ok()?;
-    Some((found.modified().ok()?, found.len()))
-}
+/// When a checkpoint that could not be read is tried again.
+const RETRY_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Such a run, from before its checkpoint is opened, so that no later version is missed.
 pub struct TrainedElsewhere {
     checkpoint: PathBuf,
     /// The version of the checkpoint that is shown, or being opened.
     shown: Option<Stamp>,
+    /// When it was opened.
+    opened: Instant,
     seen: watch::Receiver<Seen>,
 }
 
 #[derive(Clone, Default)]
 struct Seen {
     checkpoint: Option<Stamp>,
+    /// The version of the records; none if they are gone, or cannot be read.
     records: Option<Stamp>,
     told: Arc<Vec<SavedRun>>,
 }
@@ -44,15 +42,19 @@ impl TrainedElsewhere {
         let shown = stamp(&checkpoint);
         let (publish, seen) = watch::channel(Seen { checkpoint: shown, ..Seen::default() });
         let path = checkpoint.clone();
+        let mut reader = RecordsReader::new(&records);
         let look = move || {
             while !publish.is_closed() {
                 let before = publish.borrow().clone();
                 let mut now = Seen { checkpoint: stamp(&path), ..before.clone() };
-                let grown = stamp(&records).filter(|grown| before.records != Some(*grown));
-                if let Some((written, runs)) = grown.zip(file(&records).ok()) {
-                    let dated = |run| SavedRun { written: Some(written.0), ..run };
-                    now.records = grown;
-                    now.told = Arc::new(runs.into_iter().map(dated).collect());
+                // Without records, it is the checkpoint.
+                let written = stamp(&records).filter(|_| records != path);
+                if written != before.records {
+                    let runs = written.and_then(|_| reader.read().ok());
+                    now.records = written.filter(|_| runs.is_some());
+                    let dated = |run| SavedRun { written: written.and_then(|(at, _)| at), ..run };
+                    let runs = runs.map(|runs| Arc::new(runs.into_iter().map(dated).collect()));
+                    now.told = runs.unwrap_or(now.told);
                 }
                 if (now.checkpoint, now.records) != (before.checkpoint, before.records) {
                     publish.send_replace(now);
@@ -61,7 +63,7 @@ impl TrainedElsewhere {
             }
         };
         std::thread::Builder::new().name("files".to_owned()).spawn(look)?;
-        Ok(Self { checkpoint, shown, seen })
+        Ok(Self { checkpoint, shown, opened: Instant::now(), seen })
     }
 
     /// Returns what the records tell of the run in `snapshot`, the latest of several like it.
@@ -82,6 +84,14 @@ impl TrainedElsewhere {
         now.generation = before.generation + u64::from(!is_same);
         if !now.notice.is_error {
             now.notice = EngineNotice::default();
+        }
+        if (&saved.title, saved.run.seed, &saved.run.method)
+            != (&before.title, before.run.seed, &before.run.method)
+        {
+            let (title, method, seed) = (&saved.title, saved.run.method.name(), saved.run.seed);
+            let text = format!("the file has another run now: {title}, {method}, seed {seed}");
+            let number = before.notice.number + 1;
+            now.notice = EngineNotice { number, text, is_error: false };
         }
         if let Some(told) = self.told(saved) {
             let last = now.evaluations.last().map_or(0, |(updates, _)| *updates);
@@ -111,13 +121,16 @@ impl TrainedElsewhere {
     /// Says in a word or two what the run does, and when what is shown of it was saved.
     fn state(&self, snapshot: &Snapshot) -> [String; 2] {
         let what = match self.told(snapshot).map(|told| told.state()) {
+            Some(_) if self.seen.borrow().records.is_none() => {
+                "watching: records are gone".to_owned()
+            }
             None | Some(RunState::Running) => "watching".to_owned(),
             Some(state) => format!("watching: {}", state.name()),
         };
         let saved = match self.seen.borrow().checkpoint {
             None => "file is gone".to_owned(),
             Some(_) if snapshot.notice.is_error => "cannot be read".to_owned(),
-            Some((written, _)) => ago(written).unwrap_or_default(),
+            Some((written, _)) => written.and_then(ago).unwrap_or_default(),
         };
         [what, saved]
     }
@@ -136,8 +149,11 @@ impl Session {
         let is_new = run.seen.has_changed().unwrap_or_default();
         let now = run.seen.borrow_and_update().checkpoint;
         let load = || EngineCommand::Load(run.checkpoint.clone());
-        if now.is_some() && now != run.shown && self.cx.screen.engine.send(load()) {
-            run.shown = now;
+        // It may have been read while it was replaced, or on a network that failed.
+        let failed = self.cx.screen.snapshot.notice.is_error;
+        let is_due = now != run.shown || failed && run.opened.elapsed() > RETRY_INTERVAL;
+        if now.is_some() && is_due && self.cx.screen.engine.send(load()) {
+            (run.shown, run.opened) = (now, Instant::now());
         }
         let state = Some(run.state(&self.cx.screen.snapshot));
         let is_newer = state != self.cx.screen.elsewhere;
@@ -162,6 +178,9 @@ impl Session {
         let was_elsewhere = self.elsewhere.take().is_some();
         if was_elsewhere {
             (self.screen.elsewhere, self.saver.offers) = (None, true);
+            // What is shown stays: it is the same run, however often it was opened.
+            let generation = self.snapshots.borrow().generation;
+            Arc::make_mut(&mut self.screen.snapshot).generation = generation;
             self.show_latest();
         }
         Ok(was_elsewhere)
