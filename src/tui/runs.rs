@@ -204,7 +204,7 @@ impl RunsScreen {
 
     /// Watches the run of these records once it is saved.
     fn await_save(&mut self, records: PathBuf) {
-        match self.list.to_watch(&records) {
+        match self.list.select_growing(&records) {
             Some(Ok(wish)) => self.wish = Some(wish),
             Some(Err(text)) => self.awaited = Some((records, text)),
             None => {}

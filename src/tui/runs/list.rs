@@ -171,7 +171,7 @@ impl List {
     }
 
     /// Selects a file's run that grows; returns the wish to watch it, or what is awaited until it is saved.
-    pub fn to_watch(&mut self, source: &Path) -> Option<Result<Wish, String>> {
+    pub fn select_growing(&mut self, source: &Path) -> Option<Result<Wish, String>> {
         let mut growing = self.all.iter().filter(|run| run.source == source && is_growing(run));
         let run = growing.next_back()?.clone();
         self.selected = Some(run.clone());
