@@ -67,7 +67,7 @@ pub fn resume_command(file: &Path, options: &GymOptions) -> String {
     let (GymOptions { python, workers, timeout, .. }, default) = (options, GymOptions::default());
     let python = python.iter().map(|python| format!(" --python {}", quoted(python)));
     let workers = (*workers != default.workers).then(|| format!(" --workers {workers}"));
-    let seconds = (*timeout != default.timeout).then(|| timeout.as_secs_f64());
+    let seconds = (*timeout != default.timeout).then_some(timeout.as_secs_f64());
     let timeout = seconds.map(|seconds| format!(" --env-timeout {seconds}"));
     let is_python = describe(file).is_ok_and(|found| found.world == gym::KIND.name);
     let more = python.chain(workers).chain(timeout).filter(|_| is_python);
