@@ -65,9 +65,8 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => {
             let mut page = Vec::new();
-            let made =
-                clap_mangen::Man::new(Cli::command().mut_subcommands(|each| each.hide(false)))
-                    .render(&mut page);
+            let command = Cli::command().mut_subcommands(|each| each.hide(false));
+            let made = clap_mangen::Man::new(command).render(&mut page);
             made.map_err(|error| failure(Report::msg(error)))?;
             print(&String::from_utf8_lossy(&page))
         }

@@ -144,7 +144,7 @@ impl HeadlessRun<'_> {
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |run: &mut Self| {
             let Some(facts) = run.facts()? else { return Ok((EndReason::Interrupted, None)) };
-            print(&Record::start(&run.setup, run.options.eval_tasks, facts))?;
+            print(&Record::start(&run.setup, run.options, facts))?;
             let reason = run.train()?;
             if reason == EndReason::Interrupted {
                 return Ok((reason, None));

@@ -152,7 +152,17 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
         .collect();
     std::fs::write(path("own.jsonl"), records).unwrap();
     let checkpoint = std::fs::read(path("own.safetensors")).unwrap();
-    let mut session = Session::start(folder.path(), &["watch", "own.jsonl"]);
+    // Before the first save.
+    std::fs::remove_file(path("own.safetensors")).unwrap();
+    let mut session = Session::start(folder.path(), &["watch", "own.safetensors"]);
+    session.wait_for("waiting for the first save of own.jsonl, at about ");
+    std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
+    std::fs::File::options()
+        .append(true)
+        .open(path("own.jsonl"))
+        .unwrap()
+        .write_all(b"\n")
+        .unwrap();
     session.wait_for("watching own.safetensors");
     for key in [" ", "s", "o", "e"] {
         session.press(key);

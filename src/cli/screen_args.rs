@@ -25,8 +25,8 @@ const TOUR_EXAMPLES: &str = "\
 Examples:
   gdg-tui tour                               a minute and a half, with captions
 
-Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then \
-training goes on as usual: it is the run of gdg-tui fourrooms --seed 0.
+Enter, the right arrow or a click goes to the next step, Space pauses, Esc ends the tour. Then \
+training goes on as usual: it is the run of gdg-tui fourrooms --seed 1.
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a \
 signal.";
@@ -74,7 +74,7 @@ pub struct RunsArgs {
 
 const WATCH_EXAMPLES: &str = "\
 Examples:
-  gdg-tui watch                              the run here that was written last
+  gdg-tui watch                              the run that goes on, or the last
   gdg-tui watch runs/a.safetensors           as its checkpoint has it
   gdg-tui watch runs/a.jsonl                 by its records
 

@@ -39,16 +39,12 @@ fn checked(
     reading: &Reading,
     registry: &Registry,
 ) -> Result<(String, Grid), Report> {
-    let measuring = Waiting::on("measuring the map");
-    let progress = &measuring;
+    let progress = &Waiting::on("measuring the map");
     if !has_extension(file, "scen") {
         if map_file.is_some() {
             let help = "leave --map out, or give a .scen file with it";
-            return Err(miette!(
-                help = help,
-                "{}: is not a scenario: --map goes with a .scen file",
-                file.display()
-            ));
+            let problem = format!("{}: is not a scenario", file.display());
+            return Err(miette!(help = help, "{problem}: --map goes with a .scen file"));
         }
         let grid = find_map(file, reading, registry)?;
         let Some(scenario) = map::agents_of(file).map_err(from_map_error)? else {
@@ -122,15 +118,12 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
         };
         if exact.is_file() { Some(exact) } else { others.iter().find(is_similar).cloned() }
     };
-    [OsStr::new(named), after]
-        .into_iter()
-        .filter(|name| !name.is_empty())
-        .find_map(find)
-        .ok_or_else(|| {
-            let problem = format!("its map {named} is not in the same folder");
-            let (file, help) = (scenario.to_string_lossy(), "give it with --map FILE");
-            from_map_error(MapError::whole_file(&file, problem, help))
-        })
+    let mut names = [OsStr::new(named), after].into_iter().filter(|name| !name.is_empty());
+    names.find_map(find).ok_or_else(|| {
+        let problem = format!("its map {named} is not in the same folder");
+        let (file, help) = (scenario.to_string_lossy(), "give it with --map FILE");
+        from_map_error(MapError::whole_file(&file, problem, help))
+    })
 }
 
 /// Returns the facts about a map, and a line for each warning.

@@ -39,8 +39,7 @@ fn export(
 pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(args, ".npz", registry, |trainer| {
         trainer.check_data().into_diagnostic()?;
-        let writing = Waiting::on("writing the transitions");
-        let progress = &writing;
+        let progress = &Waiting::on("writing the transitions");
         progress.begin(0, 2);
         let bytes = data_file(trainer.replay(), trainer.world(), progress).into_diagnostic()?;
         progress.begin(1, 2);

@@ -37,12 +37,8 @@ pub fn run(args: &MapsArgs, registry: &Registry) -> CommandOutcome {
     if let Some(MapsCommand::Convert(args)) = &args.command {
         return print_safely(&convert(args, registry).map_err(bad_input)?);
     }
-    match args.random {
-        None => print(&list()),
-        Some(kind) => {
-            print(&print_ascii(&map::random(kind, args.size.map(usize::from), args.seed)))
-        }
-    }
+    let Some(kind) = args.random else { return print(&list()) };
+    print(&print_ascii(&map::random(kind, args.size.map(usize::from), args.seed)))
 }
 
 /// Writes a map in another format and returns which files were written.

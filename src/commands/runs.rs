@@ -8,7 +8,7 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report, miette};
 
 use super::train::{obstacle, on_screen, registry_for};
-use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print, print_safely};
+use super::{CommandOutcome, bad_input, failure, prepare, print, print_safely};
 use crate::cli::{Cli, RunsArgs, ScreenArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
@@ -37,7 +37,9 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return print(&read(&args.folders).iter().map(line).collect::<String>());
     }
     if obstacle().is_none() {
-        return show(args, registry);
+        let opener = || opener(&args.screen, registry);
+        let list = |opener, interface: &mut _| show(&args.folders, false, opener, interface);
+        return on_screen(&args.screen, [""; 2], opener, list);
     }
     let runs = read(&args.folders);
     if !runs.is_empty() {
@@ -59,54 +61,65 @@ fn read(folders: &[PathBuf]) -> Vec<Arc<SavedRun>> {
     found.runs.into_iter().filter(|run| !run.is_damaged()).collect()
 }
 
-/// Shows the list, and what is opened in it, in turns.
-fn show(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    crate::process::logging::start(args.screen.log_level);
-    let opener = opener(&args.screen, registry)?;
-    let mut interface = tui::prepare(&args.screen.interface).map_err(bad_input)?;
-    let mut list = RunsScreen::open(&args.folders, opener, &interface).map_err(failure)?;
+/// Shows a list, and what is opened in it, in turns; if it `awaits` a first save, only that run.
+fn show(
+    places: &[PathBuf],
+    awaits: bool,
+    opener: Opener,
+    interface: &mut PreparedInterface,
+) -> Result<(u8, String), Report> {
+    let awaited = places.first().filter(|_| awaits).cloned();
+    let mut list = RunsScreen::open(places, awaited, opener, interface)?;
     let (mut status, mut notice) = (0, String::new());
     loop {
         interface.notice = None;
-        let (left, opened, signalled) = list.show(&mut interface, &notice).map_err(failure)?;
-        interface.notice = Some("q leads back to the list of runs");
-        let Some(opened) = opened else { return Ok(status.max(signalled)) };
-        let (ended, files) = shown(opened, &mut interface).map_err(failure)?;
-        if let Some(signalled) = interface.ended() {
-            return Ok(signalled);
-        }
+        let (left, opened, signalled) = list.show(interface, &notice)?;
+        interface.notice = (!awaits).then_some("q leads back to the list of runs");
+        let Some(opened) = opened else { return Ok((status.max(signalled), String::new())) };
+        let (ended, files) = shown(opened, interface)?;
         (list, status, notice) = (left, status.max(ended), files);
+        if let Some(status) = interface.ended().or(awaits.then_some(status)) {
+            return Ok((status, String::new()));
+        }
     }
 }
 
 pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    let open = opener(&args.screen, registry)?;
-    let find = || open(to_watch(&args.file)?, &Waiting::on("opening the run"));
+    let opener = opener(&args.screen, registry).map_err(failure)?;
     let refusal = ["a run", "gdg-tui runs lists runs without one"];
-    on_screen(&args.screen, refusal, find, shown)
+    let find = || match to_watch(&args.file)? {
+        (Some(file), records) => {
+            let wish = Wish { file, beside: None, warning: None, watches: Some(records) };
+            opener(wish, &Waiting::on("opening the run")).map(Ok)
+        }
+        (None, records) => Ok(Err(records)),
+    };
+    on_screen(&args.screen, refusal, find, |found, interface| match found {
+        Ok(opened) => shown(opened, interface),
+        Err(records) => show(&[records], true, opener.clone(), interface),
+    })
 }
 
-/// Returns the wish to watch the run that a file is of, its checkpoint or its records; of a folder,
-/// the one that was written last, preferably one that goes on.
-fn to_watch(given: &Path) -> Result<Wish, Report> {
+/// Returns checkpoint, once it is there, and records of a file's run; of a folder, of the latest one.
+fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     let file = Some(whole(given)).filter(|_| !given.is_dir());
     let beside = file.as_deref().and_then(Path::parent);
     let is_meant = |run: &&Arc<SavedRun>| {
-        let mut own = [&run.source].into_iter().chain(&run.others).chain(&run.checkpoint);
-        file.as_ref().is_none_or(|file| own.any(|own| whole(own) == *file))
+        let saves = run.saves.as_ref().map(|(path, _)| path);
+        let own = [&run.source].into_iter().chain(&run.others).chain(&run.checkpoint);
+        file.as_ref().is_none_or(|file| own.chain(saves).any(|own| whole(own) == *file))
     };
-    let runs =
-        read(&[Some(given), beside].into_iter().flatten().map(Path::to_owned).collect::<Vec<_>>());
-    let last = |(run, _): &(&Arc<SavedRun>, _)| (run.state() == RunState::Running, run.written);
-    let kept = runs.iter().filter(is_meant).filter_map(|run| Some((run, run.kept()?)));
-    let found = kept.max_by_key(last).map(|(run, kept)| (kept, run.source.clone()));
-    let own = || (given.to_owned(), given.to_owned());
-    let (file, records) =
-        found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
-            let help = "a run is seen as its checkpoint has it: train with --save FILE";
-            miette!(help = help, "{}: no run with a checkpoint yet", given.display())
-        })?;
-    Ok(Wish { file, beside: None, warning: None, watches: Some(records) })
+    let places = [Some(given), beside].into_iter().flatten().filter(|place| place.exists());
+    let runs = read(&places.map(Path::to_owned).collect::<Vec<_>>());
+    let goes_on = |run: &Arc<SavedRun>| run.state() == RunState::Running;
+    let usable = runs.iter().filter(is_meant).filter(|run| goes_on(run) || run.kept().is_some());
+    let last = usable.max_by_key(|run| (goes_on(run), run.written));
+    let own = || (Some(given.to_owned()), given.to_owned());
+    let found = last.map(|run| (run.kept(), run.source.clone()));
+    found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
+        let help = "a run is seen as its checkpoint has it: train with --save FILE";
+        miette!(help = help, "{}: no run with a checkpoint yet", given.display())
+    })
 }
 
 fn shown(opened: Opened, interface: &mut PreparedInterface) -> Result<(u8, String), Report> {
@@ -117,9 +130,9 @@ fn shown(opened: Opened, interface: &mut PreparedInterface) -> Result<(u8, Strin
 }
 
 /// Returns what opens runs, as the commands that show one or two of them do.
-fn opener(screen: &ScreenArgs, registry: &Arc<Registry>) -> Result<Opener, CommandFailure> {
+fn opener(screen: &ScreenArgs, registry: &Arc<Registry>) -> Result<Opener, Report> {
     use clap::Parser;
-    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic().map_err(failure)?.train;
+    let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic()?.train;
     train.log_level = screen.log_level;
     let registry = registry_for(&train, registry);
     Ok(Arc::new(move |wish, progress| match wish.beside {

@@ -58,8 +58,7 @@ pub struct SavedRun {
     pub map: String,
     /// What tells that apart from others of its name, if it is known, as it was before all edits.
     pub fingerprint: Option<String>,
-    /// Updates at which its map was edited, and the checksum or the name of the map from then on, if
-    /// it is known.
+    /// Updates at which its map was edited, and checksum or name of the map from then on, if known.
     pub edits: Vec<(u64, String)>,
     pub method: String,
     pub variant: Option<String>,
@@ -75,13 +74,14 @@ pub struct SavedRun {
     pub resumed: Option<PathBuf>,
     pub updates: u64,
     pub progress: Progress,
+    /// The file that it is going to be saved to, and how often, in seconds: otherwise at the end.
+    pub saves: Option<(PathBuf, Option<f64>)>,
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
     /// Its other files, which are not listed besides.
     pub others: Vec<PathBuf>,
-    /// Why it cannot be read, or the first line of its records that cannot, as it follows the name
-    /// of the file: `:3: not a record`.
+    /// What of it cannot be read, as it follows the name of the file: `:3: not a record`.
     pub problem: Option<String>,
 }
 
@@ -336,8 +336,7 @@ fn facts(
     preset.chain(settings).chain(data).chain(scenario).collect()
 }
 
-/// Reads all runs at `paths` that were evaluated, says how far it is, and what in folders cannot be
-/// used.
+/// Reads all runs at `paths` that were evaluated; says what in folders cannot be used.
 pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<String>), Report> {
     progress.begin(0, 1);
     let found = RunReader::new(paths).read(|[file, files], _| {
@@ -375,8 +374,7 @@ pub fn runs(paths: &[PathBuf], progress: &Job) -> Result<(Vec<SavedRun>, Vec<Str
     Ok((runs, notes))
 }
 
-/// Returns the files with runs in a folder: results, records and checkpoints of its jobs if it is
-/// an experiment's, then its own records and checkpoints.
+/// Returns the files with runs in a folder: those of an experiment's jobs, then its own.
 pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
     let listed = |folder: &Path, extensions: &[&str]| {
         let entries = std::fs::read_dir(folder).map_err(|error| unreadable(folder, &error))?;

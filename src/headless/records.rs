@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::updates_per_second;
+use super::{HeadlessOptions, save_interval, updates_per_second};
 use crate::setup::Setup;
 use gdg::learn::{Losses, Threads};
 use gdg::train::{
@@ -21,7 +21,6 @@ pub enum Record {
         world: &'static str,
         #[serde(skip_serializing_if = "Option::is_none")]
         fingerprint: Option<String>,
-        /// Facts reported by the world.
         #[serde(flatten)]
         facts: Map<String, Value>,
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -40,6 +39,9 @@ pub enum Record {
         updates: u64,
         #[serde(skip_serializing_if = "Option::is_none")]
         resumed: Option<String>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        save: Option<String>,
+        save_every: Option<f64>,
     },
     Progress {
         seconds: f64,
@@ -89,7 +91,6 @@ pub enum Record {
     },
 }
 
-/// Running means of the losses.
 #[derive(Debug, Serialize)]
 pub struct LossRecord {
     critic: Option<f32>,
@@ -98,8 +99,8 @@ pub struct LossRecord {
 }
 
 impl Record {
-    pub fn start(setup: &Setup, eval_tasks: usize, facts: Map<String, Value>) -> Self {
-        let run = setup.trainer.run();
+    pub fn start(setup: &Setup, options: &HeadlessOptions, facts: Map<String, Value>) -> Self {
+        let (run, text) = (setup.trainer.run(), |path: &Path| path.to_string_lossy().into_owned());
         let edit = |edit: &Edit| Some(format!("{}:{}", edit.updates, edit.world.fingerprint()?));
         Self::Start {
             version: env!("CARGO_PKG_VERSION"),
@@ -111,14 +112,16 @@ impl Record {
             preset: run.preset.name(),
             settings: run.changed_settings(),
             seed: run.seed,
-            eval_tasks,
+            eval_tasks: options.eval_tasks,
             edit_at: setup.trainer.edits.iter().filter_map(edit).collect(),
             threads: match setup.threads {
                 Threads::Fixed(number) => number.into(),
                 Threads::Auto { .. } => "auto".into(),
             },
             updates: setup.trainer.counters().updates,
-            resumed: setup.resumed.as_ref().map(|path| path.to_string_lossy().into_owned()),
+            resumed: setup.resumed.as_deref().map(text),
+            save: setup.save.as_ref().map(|to| text(to.path())),
+            save_every: save_interval(options.save_every_minutes).map(|every| every.as_secs_f64()),
         }
     }
 

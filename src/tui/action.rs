@@ -44,7 +44,6 @@ pub enum Action {
     NextPane,
     Messages,
     Maximise,
-    Scroll(isize),
     ToggleEdit,
     Tool(Tool),
     Apply,

@@ -98,6 +98,8 @@ pub struct RunsScreen {
     places: ClickAreas,
     opener: Opener,
     wish: Option<Wish>,
+    /// The records of a run that is watched once it is saved, and what is said of it until then.
+    awaited: Option<(PathBuf, String)>,
     opening: Option<Running<Result<Opened, Report>>>,
     opened: Option<Opened>,
     quits: bool,
@@ -105,9 +107,10 @@ pub struct RunsScreen {
 }
 
 impl RunsScreen {
-    /// Begins to read the runs of folders, which `opener` opens.
+    /// Begins to read the runs of folders, of which that of `awaited` records is opened once it is saved.
     pub fn open(
         folders: &[PathBuf],
+        awaited: Option<PathBuf>,
         opener: Opener,
         interface: &PreparedInterface,
     ) -> Result<Self, Report> {
@@ -128,7 +131,8 @@ impl RunsScreen {
         std::thread::Builder::new().name("runs".to_owned()).spawn(follow).into_diagnostic()?;
         let names: Vec<String> = folders.iter().map(|path| path.display().to_string()).collect();
         let PreparedInterface { config, keymap, .. } = interface;
-        Ok(Self::new(&names.join(" "), (found, again), opener, config, keymap.clone()))
+        let list = Self::new(&names.join(" "), (found, again), opener, config, keymap.clone());
+        Ok(Self { awaited: awaited.map(|records| (records, String::new())), ..list })
     }
 
     fn new(
@@ -155,6 +159,7 @@ impl RunsScreen {
             places: ClickAreas::default(),
             opener,
             wish: None,
+            awaited: None,
             opening: None,
             opened: None,
             quits: false,
@@ -192,6 +197,18 @@ impl RunsScreen {
     fn list(&mut self, found: &FoundRuns) {
         self.read = Some(found.read);
         self.list.update(&found.runs);
+        if let Some((records, _)) = self.awaited.take() {
+            self.await_save(records);
+        }
+    }
+
+    /// Watches the run of these records once it is saved.
+    fn await_save(&mut self, records: PathBuf) {
+        match self.list.select_growing(&records) {
+            Some(Ok(wish)) => self.wish = Some(wish),
+            Some(Err(text)) => self.awaited = Some((records, text)),
+            None => {}
+        }
     }
 }
 
@@ -302,7 +319,13 @@ impl RunsScreen {
             ListAction::Reverse => self.list.sort_by(self.list.order.0),
             ListAction::Measure => self.curves.0 = measure.next(),
             ListAction::Axis => self.curves.1 = axis.next(),
-            ListAction::Resume => self.wish = self.tell(self.list.to_resume()),
+            ListAction::Resume => {
+                let records = self.list.selected().map(|run| run.source.clone());
+                records.into_iter().for_each(|records| self.await_save(records));
+                if self.wish.is_none() && self.awaited.is_none() {
+                    self.wish = self.tell(self.list.to_resume());
+                }
+            }
             ListAction::Compare => self.wish = self.tell(self.list.to_compare()),
             ListAction::Delete => self.deletion = self.tell(self.list.to_delete()),
         }
@@ -311,7 +334,7 @@ impl RunsScreen {
     /// Opens nothing any more, or else shows all runs, or else unmarks them.
     fn close_top(&mut self) {
         // The thread of what is being opened ends by itself.
-        if self.opening.take().is_some() {
+        if self.opening.take().is_some() || self.awaited.take().is_some() {
             return self.log.dismiss();
         }
         if self.words.value().is_empty() {

@@ -99,7 +99,7 @@ pub trait SceneKind {
     fn act(&mut self, action: Action, screen: &mut Screen);
 
     /// Handles the mouse where nothing is clickable; returns whether it did anything.
-    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) -> bool;
+    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen);
 
     /// Returns to showing everything; returns whether anything changed.
     fn close(&mut self, screen: &mut Screen) -> bool;
@@ -235,7 +235,7 @@ impl Scene {
         legend::lines(&**self, screen)
     }
 
-    pub fn both_walks(&self, screen: &Screen) -> Option<[String; 2]> {
+    pub fn both_walks(&self, screen: &Screen) -> Option<Vec<String>> {
         legend::both_walks(&**self, screen)
     }
 

@@ -53,8 +53,6 @@ pub struct Screen {
     pub pane: Pane,
     /// Whether that pane fills the screen.
     pub maximised: bool,
-    /// How far back curves are scrolled, in pages.
-    pub scrolled: usize,
     /// What the walking agent does at the goal.
     pub on_arrival: OnArrival,
     pub dialogs: Vec<Dialog>,
@@ -110,7 +108,6 @@ impl Screen {
             redraw: Redraw::default(),
             pane: Pane::default(),
             maximised: false,
-            scrolled: 0,
             on_arrival: OnArrival::default(),
             dialogs: Vec::new(),
             pausing: false,
@@ -234,11 +231,6 @@ impl Screen {
 
     pub fn open(&mut self, dialog: impl Into<Dialog>) {
         self.dialogs.push(dialog.into());
-    }
-
-    /// Scrolls curves by pages: back if negative.
-    pub fn scroll(&mut self, pages: isize) {
-        self.scrolled = self.scrolled.saturating_add_signed(-pages);
     }
 
     /// Takes the line over the map away once it has been there for a while; returns whether it has.

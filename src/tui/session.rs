@@ -189,17 +189,10 @@ impl Session {
     }
 
     pub fn on_mouse(&mut self, kind: MouseEventKind, at: Position) {
-        if self.moves_tour_on(kind) {
-            return;
-        }
+        let moves_on = self.moves_tour_on(kind);
         let Cx { screen, scene, .. } = &mut self.cx;
-        if !screen.maximised && scene.on_mouse(kind, at, screen) {
-            return;
-        }
-        match kind {
-            MouseEventKind::ScrollUp => screen.scroll(-1),
-            MouseEventKind::ScrollDown => screen.scroll(1),
-            _ => {}
+        if !moves_on && !screen.maximised {
+            scene.on_mouse(kind, at, screen);
         }
     }
 

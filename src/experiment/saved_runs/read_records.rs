@@ -77,6 +77,8 @@ struct Start {
     #[serde(default)]
     updates: u64,
     resumed: Option<PathBuf>,
+    save: Option<PathBuf>,
+    save_every: Option<f64>,
 }
 
 impl SavedRun {
@@ -98,6 +100,7 @@ impl SavedRun {
             version: start.version,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),
+            saves: start.save.map(|path| (path, start.save_every)),
             updates: start.updates,
             ..Self::default()
         }
@@ -248,8 +251,7 @@ fn not_a_record(line: &[u8], error: &serde_json::Error) -> String {
     }
 }
 
-/// Joins the parts of a run that was resumed, or begun again; the runs are in the order in which they
-/// began.
+/// Joins parts of runs that were resumed, or begun again, in the order in which they began.
 fn merged(parts: Vec<SavedRun>) -> Vec<SavedRun> {
     let mut runs: Vec<SavedRun> = Vec::new();
     let mut places: HashMap<_, Vec<usize>> = HashMap::new();

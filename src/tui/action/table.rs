@@ -91,6 +91,9 @@ impl Binding {
             let text = match self.action {
                 A::Projection | A::Alone => format!("{title} has one view"),
                 A::ToggleEdit => format!("{title} cannot be edited"),
+                A::Toggle(Overlay::Ghost) => {
+                    format!("{title} has no ghost: plan and actor cannot begin in the same state")
+                }
                 _ => format!("{title} has no map, which \"{}\" is for", self.name),
             };
             return session.screen.notify(&text);
@@ -256,7 +259,10 @@ const VIEW: &[Binding] = &[
     overlay(Overlay::Path, "path", &["p"])
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
     overlay(Overlay::Ghost, "ghost", &["shift-a"])
-        .about("the actor alone from the same start, on or off", "ghost pale compare plan walker")
+        .about(
+            "the ghost: the actor alone from the same start, on or off",
+            "pale compare plan walker",
+        )
         .short("ghost"),
     watch_scene(A::Inspect, "inspect", &["i"])
         .about("inspect cells with a cursor", "look value info cell query coordinates position")
@@ -316,10 +322,6 @@ const PANES: &[Binding] = &[
         None => s.screen.say("no messages yet"),
     })
     .about("all messages of this run, the latest first", "log events history notices errors"),
-    bind(A::Scroll(-1), "scroll-back", &["pageup"], |s, _| s.screen.scroll(-1))
-        .about("scroll curves back", "page up earlier"),
-    bind(A::Scroll(1), "scroll-on", &["pagedown"], |s, _| s.screen.scroll(1))
-        .about("scroll curves forward", "page down later"),
 ];
 
 const MAP_EDITOR: &[Binding] = &[

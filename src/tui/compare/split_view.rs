@@ -88,6 +88,10 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         if let Some(maze) = scene.maze() {
             maze.draw(frame, [map, meaning], screen, &mut drawn[own], cache);
         }
+        if screen.past.is_none() {
+            let walks = bars::walks(screen, scene);
+            bars::draw_first_that_fits(frame, map, screen, walks, &mut drawn[own]);
+        }
         frame.render_widget(Paragraph::new(facts), below);
     }
     draw_curves(frame, below, comparison, &mut layout);

@@ -11,7 +11,7 @@ use super::ScreenPainter;
 use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::choices::Tool;
 use crate::tui::keymap::Keymap;
-use crate::tui::layout::{Click, ClickableLine};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::scene::Scene;
@@ -75,21 +75,40 @@ fn shorten_title(parts: &mut [(Span, Action)], area: Rect, least: usize) {
     }
 }
 
-type Hint = (String, Vec<(Action, &'static str)>);
+pub type Hint = (String, Vec<(Action, &'static str)>);
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
 pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let is_shown = screen.banner.is_some() && !screen.on_paper;
     let hints = match past(screen, scene) {
-        _ if screen.tour.is_some() => None,
-        None if is_shown && screen.explains => Some(what_to_see(screen)),
-        None if !screen.on_paper => scene
-            .both_walks(screen)
-            .map(|texts| texts.map(|text| (text + " ", Vec::new())).to_vec()),
-        past => past,
+        _ if screen.tour.is_some() => return,
+        None if is_shown && (screen.explains || scene.is_editing()) => what_to_see(screen, scene),
+        None if !screen.on_paper => walks(screen, scene),
+        past => past.unwrap_or_default(),
     };
-    let lines = hints.into_iter().flatten().map(|(text, keys)| {
+    // Nothing of a projection's label stays beside it.
+    if scene.maze().is_none() && !hints.is_empty() {
+        frame.render_widget(Clear, Rect { height: area.height.min(1), ..area });
+    }
+    draw_first_that_fits(frame, area, screen, hints, layout);
+}
+
+/// Says how walks go, with and without a plan.
+pub fn walks(screen: &Screen, scene: &Scene) -> Vec<Hint> {
+    let texts = scene.both_walks(screen).into_iter().flatten();
+    texts.map(|text| (text + " ", Vec::new())).collect()
+}
+
+/// Draws the first hint that fits, or else the last.
+pub fn draw_first_that_fits(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    hints: Vec<Hint>,
+    layout: &mut ScreenLayout,
+) {
+    let lines = hints.into_iter().map(|(text, keys)| {
         let mut line = ClickableLine::default();
         line.push(Span::styled(format!(" {text}"), REVERSED), None);
         for (action, what) in keys.into_iter().filter(|_| !screen.on_paper) {
@@ -99,16 +118,14 @@ pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
         }
         line
     });
-    // The first that fits, or else the last.
     let lines: Vec<ClickableLine> = lines.collect();
     let fits = lines.iter().position(|line| line.width() <= usize::from(area.width));
     let fits = fits.unwrap_or(lines.len().saturating_sub(1));
     let Some(line) = lines.into_iter().nth(fits) else { return };
     let width = (line.width() as u16).min(area.width);
-    let row = Rect { height: area.height.min(1), ..area };
-    let area = Rect { x: area.x + (area.width - width) / 2, width, ..row };
-    // Nothing of a projection's label stays beside it.
-    frame.render_widget(Clear, if scene.maze().is_some() { area } else { row });
+    let area =
+        Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
+    frame.render_widget(Clear, area);
     line.draw(frame, area, layout);
 }
 
@@ -131,16 +148,18 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
     Some(texts.map(|text| (text, keys.to_vec())).to_vec())
 }
 
-fn what_to_see(screen: &Screen) -> Vec<Hint> {
+fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<Hint> {
+    let help = (Action::Help, "help ");
     let mono = screen.theme.depth == ColourDepth::Mono;
     let colours = if mono { "@ walks to G" } else { "light = near G" };
-    let help = (Action::Help, "help ");
     let all = format!("{colours} \u{b7} click: a new goal \u{b7}");
-    vec![
-        (format!("{all} new here? gdg-tui tour \u{b7}"), vec![help]),
-        (all, vec![help]),
-        ("click: goal \u{b7}".to_owned(), vec![help]),
-    ]
+    let texts = if scene.is_editing() {
+        let key = screen.keymap.key_of(Action::Apply);
+        vec![format!("draw by mouse, or by arrows and {key} \u{b7}")]
+    } else {
+        vec![format!("{all} new here? gdg-tui tour \u{b7}"), all, "click: goal \u{b7}".to_owned()]
+    };
+    texts.into_iter().map(|text| (text, vec![help])).collect()
 }
 
 const MAX_NOTICE_ROWS: usize = 4;
@@ -256,7 +275,7 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         }
         bar
     };
-    let [apply, undo] = [(Action::Apply, "use"), (Action::Undo, "undo")];
+    let [apply, undo] = [(Action::Apply, "draw"), (Action::Undo, "undo")];
     let [save, done] = [(Action::SaveMap, "save map"), (Action::ToggleEdit, "done")];
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
     let keys = [&[apply, undo, save, done][..], &[undo, save, done], &[undo, done], &[done]];

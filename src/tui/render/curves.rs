@@ -27,14 +27,11 @@ const CHART_GAP: u16 = 2;
 /// The symbol for the line at a change of the method, or at an edit of the map.
 pub const MARK: char = '\u{2506}';
 
-/// What an edit is called, and the share of the window up to which the next one continues it.
+/// What an edit is called, and the share of the axis up to which the next one continues it.
 pub const EDITED: &str = "map edited";
 const EDIT_SHARE: f64 = 0.02;
 
 const COLOURS: usize = 6;
-
-/// Share of all updates that is shown at once when scrolled back.
-const PAGE_SHARE: f64 = 0.25;
 
 struct Plot {
     title: &'static str,
@@ -109,13 +106,11 @@ fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let of_critic = loss("loss of D", 0);
     let is_known = has_true_distances || errors.curves.iter().any(|curve| !curve.points.is_empty());
     let errors = is_known.then_some(errors);
-    let others = [
-        of_critic,
-        rate(by_unit, each.collect()),
-        loss("loss of f", 1),
-        loss("loss of mu, steps", 2),
-    ];
-    [rate("success", success)].into_iter().chain(errors).chain(others).collect()
+    // One group has the curve of all.
+    let each = (distances.len() != 1).then(|| rate(by_unit, each.collect()));
+    let losses = [loss("loss of f", 1), loss("loss of mu, steps", 2)];
+    let first = [rate("success", success)].into_iter().chain(errors);
+    first.chain([of_critic]).chain(each).chain(losses).collect()
 }
 
 /// Returns the name of group `i` of `groups`: its distance, or its number.
@@ -132,20 +127,15 @@ fn by_distance(e: &Evaluation) -> &[DistanceScore] {
     &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
 }
 
-fn is_within(at: f64, [from, to]: [f64; 2]) -> bool {
-    (from..=to).contains(&at)
-}
-
 /// Draws a chart of the window; returns where its lines are, unless there are none.
 fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> Option<ChartArea> {
-    let (x, log) = (window(screen), plot.log);
-    for curve in &mut plot.curves {
-        curve.points.retain(|point| is_within(point.0, x));
-        if log {
-            curve.points.iter_mut().for_each(|point| point.1 = point.1.max(1e-9).log10());
-        }
+    let x = [0.0, along(screen, screen.snapshot.counters.updates).max(1.0)];
+    let log = plot.log;
+    if log {
+        let points = plot.curves.iter_mut().flat_map(|curve| &mut curve.points);
+        points.for_each(|point| point.1 = point.1.max(1e-9).log10());
     }
-    let marks = marks(screen, x);
+    let marks = marks(screen, x[1]);
     let names = plot.curves.iter().filter(|curve| !curve.name.is_empty());
     let names = names.filter(|curve| !curve.points.is_empty());
     let mut names: Vec<Span> = names.map(PaneCurve::label).collect();
@@ -172,7 +162,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
     let upright = |at: f64| [(at, low), (at, high)];
     let uprights: Vec<[(f64, f64); 2]> = marks.iter().map(|(at, _)| upright(*at)).collect();
     let past = screen.past.as_ref().map(|frame| along(screen, frame.updates));
-    let past = past.filter(|at| is_within(*at, x)).map(upright);
+    let past = past.map(upright);
     let line = |style, points| ChartLine { style, marker: Marker::Braille, points };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
@@ -208,43 +198,29 @@ fn has_learned(screen: &Screen) -> bool {
     screen.snapshot.updates() > 0 || screen.snapshot.learns
 }
 
-/// Returns where the method changed within the window, and to which, and where the map was edited.
-fn marks(screen: &Screen, window: [f64; 2]) -> Vec<(f64, String)> {
+/// Returns where the method changed, and to which, and where the map was edited.
+fn marks(screen: &Screen, last: f64) -> Vec<(f64, String)> {
     let changes = screen.snapshot.methods.stretches().iter().skip(1);
     let changes = changes.map(|stretch| (along(screen, stretch.from), stretch.method.clone()));
     let edits = screen.snapshot.edits.iter().map(|at| along(screen, *at));
-    let edits = apart(edits, window).into_iter().map(|at| (at, EDITED.to_owned()));
-    let mut marks: Vec<(f64, String)> =
-        changes.filter(|(at, _)| is_within(*at, window)).chain(edits).collect();
+    let edits = apart(edits, last).into_iter().map(|at| (at, EDITED.to_owned()));
+    let mut marks: Vec<(f64, String)> = changes.chain(edits).collect();
     marks.sort_by(|a, b| a.0.total_cmp(&b.0));
     marks
 }
 
-/// Returns the edits within the window, without those that only continue another one.
-pub fn apart(edits: impl Iterator<Item = f64>, window: [f64; 2]) -> Vec<f64> {
-    let gap = EDIT_SHARE * (window[1] - window[0]);
+/// Returns the edits up to the `last` place, without those that only continue another one.
+pub fn apart(edits: impl Iterator<Item = f64>, last: f64) -> Vec<f64> {
+    let gap = EDIT_SHARE * last;
     let mut apart: Vec<f64> = Vec::new();
     let mut before = f64::NEG_INFINITY;
-    for at in edits.filter(|at| is_within(*at, window)) {
+    for at in edits {
         if at - before > gap {
             apart.push(at);
         }
         before = at;
     }
     apart
-}
-
-/// Returns the range of updates shown: all, or an earlier part when scrolled back.
-fn window(screen: &Screen) -> [f64; 2] {
-    let last = along(screen, screen.snapshot.counters.updates).max(1.0);
-    let page = PAGE_SHARE * last;
-    match screen.scrolled {
-        0 => [0.0, last],
-        n => {
-            let to = (last - (n - 1) as f64 * page / 2.0).max(page);
-            [to - page, to]
-        }
-    }
 }
 
 /// Returns the characters of line `i`, which tell lines of no colours or the same ones apart.

@@ -6,6 +6,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
 
 use super::Wish;
 use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
@@ -166,6 +170,14 @@ impl List {
         wish(self.selected().ok_or("no run is selected")?, None)
     }
 
+    /// Selects a file's run that grows; returns the wish to watch it, or what is awaited until it is saved.
+    pub fn select_growing(&mut self, source: &Path) -> Option<Result<Wish, String>> {
+        let mut growing = self.all.iter().filter(|run| run.source == source && is_growing(run));
+        let run = growing.next_back()?.clone();
+        self.selected = Some(run.clone());
+        Some(wish(&run, None).map_err(|_| awaited(&run)))
+    }
+
     /// Returns the wish to see the two marked runs, or the marked and the selected one, side by side.
     pub fn to_compare(&self) -> Result<Wish, String> {
         let mut runs: Vec<&Arc<SavedRun>> = self.marks.values().collect();
@@ -231,6 +243,22 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
     });
     let beside = beside.map(|run| checkpoint(run)).transpose()?;
     Ok(Wish { file: checkpoint(run)?, beside, warning, watches })
+}
+
+/// Says what is awaited of a run that has not been saved yet.
+fn awaited(run: &SavedRun) -> String {
+    let trained = Duration::try_from_secs_f64(run.progress.seconds).unwrap_or_default();
+    let due = |every: f64| {
+        let at = run.written? + Duration::try_from_secs_f64(every).ok()?.saturating_sub(trained);
+        Some(Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system()).strftime("%R").to_string())
+    };
+    let when = match &run.saves {
+        Some((_, every)) => {
+            every.and_then(due).map_or("its end".to_owned(), |at| format!("about {at}"))
+        }
+        None => "no time: it has no --save".to_owned(),
+    };
+    format!("waiting for the first save of {}, at {when}   Esc: the list", name(&run.source))
 }
 
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {

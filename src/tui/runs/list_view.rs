@@ -367,6 +367,10 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
     if let Some(notice) = screen.log.notice() {
         return bars::draw_notice(frame, area, &screen.theme, notice);
     }
+    if let Some((_, text)) = &screen.awaited {
+        let text = Line::styled(format!(" {text}"), BOLD);
+        return frame.render_widget(fitted_line(text, area.width), area);
+    }
     if screen.is_typing {
         let text = " type words that runs must have   Enter keeps them   Esc shows all runs";
         return frame.render_widget(fitted_line(Line::styled(text, DIM), area.width), area);

@@ -185,23 +185,24 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("then", "what happens when the agent arrives"),
 ];
 
-/// Says how the walk along the plan and that of the actor alone go, if both are shown, and the same in
-/// fewer words.
-pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<[String; 2]> {
-    let reach = &scene.view().reach;
-    let ghost = reach.ghost.as_ref().filter(|_| screen.overlays.has(Overlay::Ghost))?;
+/// Says how plan and actor alone go, in fewer and fewer words; without plans, that the actor stands.
+pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>> {
+    let (reach, plans) = (&scene.view().reach, screen.run().method.plans());
+    let ghost = reach.ghost.as_ref().filter(|_| !plans || screen.overlays.has(Overlay::Ghost))?;
     let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
-    let actor = match (ghost.arrived, ghost.steps - ghost.stands_since >= STANDS_STEPS) {
+    let stands = !ghost.arrived && ghost.steps - ghost.stands_since >= STANDS_STEPS;
+    let since = format!(" since {}", ghost.stands_since);
+    let actor = match (ghost.arrived, stands) {
         (true, _) => format!("arrived in {}", ghost.steps),
-        (false, true) => format!("stands{place} since {}", ghost.stands_since),
+        (false, true) => format!("stands{place}{since}"),
         (false, false) => format!("has taken {}", ghost.steps),
     };
     let plan = if reach.arrived { "arrived in" } else { "has taken" };
-    let plan = format!("plan {plan} {}", counted(u64::from(reach.steps), "step"));
-    Some([
-        format!("{plan}; the actor {actor}"),
-        format!("{plan}; actor {}", actor.replace(place, "")),
-    ])
+    let plan = format!("plan {plan} {}; ", counted(u64::from(reach.steps), "step"));
+    let full = format!("{}the actor {actor}", if plans { &plan } else { "" });
+    let short = full.replace("the actor", "actor").replace(place, "").replace(" steps;", ";");
+    let shorter = short.replace(&since, "");
+    (plans || stands).then(|| vec![full, short, shorter])
 }
 
 /// Returns the lines about the walking agent, with sentences within `width` columns.
@@ -230,7 +231,8 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
             .map(|row| Line::raw(format!(" {row}")))
             .collect::<Vec<_>>()
     };
-    lines.extend(both_walks(scene, screen).map_or_else(Vec::new, |[text, _]| sentence(&text)));
+    let both = both_walks(scene, screen).unwrap_or_default();
+    lines.extend(both.first().map_or_else(Vec::new, |text| sentence(text)));
     let waypoint = reach.waypoint.as_deref();
     let note = if has_path { "" } else { " (meaningless)" };
     lines.extend([

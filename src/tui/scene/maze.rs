@@ -212,8 +212,8 @@ impl SceneKind for MazeState {
         }
     }
 
-    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) -> bool {
-        let Some(frame) = &screen.layout.map.clone() else { return false };
+    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) {
+        let Some(frame) = &screen.layout.map.clone() else { return };
         let drawing = self.editor.is_drawing();
         // A stroke that leaves the map continues along its edge.
         let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) {
@@ -224,7 +224,7 @@ impl SceneKind for MazeState {
         let cell = frame.cell_at(at, &self.map);
         let dragged_from = self.dragged_from.take();
         if self.is_on_minimap(kind, at, &screen.layout) {
-            return true;
+            return;
         }
         let layout = &screen.layout;
         match kind {
@@ -250,16 +250,13 @@ impl SceneKind for MazeState {
                 self.change_map_or_say(new, ["", refusal.unwrap_or_default()], screen);
             }
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
-                let Some(cell) = cell else { return false };
-                self.on_click(cell, 'G', screen);
+                cell.into_iter().for_each(|cell| self.on_click(cell, 'G', screen));
             }
             MouseEventKind::Down(MouseButton::Right) => {
-                let Some(cell) = cell else { return false };
-                self.on_click(cell, '@', screen);
+                cell.into_iter().for_each(|cell| self.on_click(cell, '@', screen));
             }
-            _ => return false,
+            _ => {}
         }
-        true
     }
 
     fn close(&mut self, screen: &mut Screen) -> bool {

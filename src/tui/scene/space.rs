@@ -358,7 +358,7 @@ impl SceneKind for SpaceState {
         std::mem::take(&mut self.shown.alone)
     }
 
-    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) -> bool {
+    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) {
         let shown = &screen.layout.projections;
         let found = shown.iter().find(|projection| projection.frame.area.contains(at)).cloned();
         let from = self.dragged_from.take();
@@ -383,9 +383,9 @@ impl SceneKind for SpaceState {
                 }
                 _ => {}
             }
-            return true;
+            return;
         }
-        let Some(projection) = found.filter(|_| !self.goal.is_empty()) else { return false };
+        let Some(projection) = found.filter(|_| !self.goal.is_empty()) else { return };
         let point = projection.point_at(at, &self.goal);
         match kind {
             MouseEventKind::ScrollUp if self.is_arm => self.zoom(WHEEL_ZOOM_FACTOR, Some(point)),
@@ -408,14 +408,11 @@ impl SceneKind for SpaceState {
                     MouseButton::Middle => {}
                 }
             }
-            MouseEventKind::Up(MouseButton::Left) if is_free && from.is_some() => {
-                if !self.turned {
-                    self.set_goal(point, screen);
-                }
+            MouseEventKind::Up(MouseButton::Left) if is_free && from.is_some() && !self.turned => {
+                self.set_goal(point, screen);
             }
-            _ => return false,
+            _ => {}
         }
-        true
     }
 
     fn drawn(&self, before: ScreenLayout, screen: &mut Screen) {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Cx;
 use crate::tui::action::Action;
-use crate::tui::choices::{Marker, Overlays, Pane};
+use crate::tui::choices::{Marker, Overlay, Overlays, Pane};
 use crate::tui::render::curves::along;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
@@ -41,6 +41,13 @@ pub fn toggle_overlay(cx: &mut Cx, action: Action) {
     }
     let shown = screen.overlays.toggle(overlay);
     cx.scene.act(action, screen);
+    if (overlay, shown) == (Overlay::Ghost, true) {
+        screen.explains = false;
+        // In a comparison, a race goes on.
+        if screen.on_arrival != OnArrival::Wait {
+            screen.request(Request::Start(Some(cx.scene.view().reach.start.clone())));
+        }
+    }
     screen.say(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
 }
 
@@ -66,7 +73,7 @@ pub fn set_theme(screen: &mut Screen, name: ThemeName) {
 /// Shows a pane: instead of the map if there is no room beside it.
 pub fn show(cx: &mut Cx, action: Action) {
     if let Action::Show(pane) = action {
-        (cx.screen.pane, cx.screen.scrolled) = (pane, 0);
+        cx.screen.pane = pane;
         cx.screen.maximised |= cx.screen.layout.lacks_panel;
     }
 }

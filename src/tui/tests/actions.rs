@@ -12,9 +12,7 @@ fn is_of_trainer(binding: &Binding) -> bool {
 fn is_quiet(action: Action) -> bool {
     let quiet = [Action::Close, Action::ZoomOff, Action::ZoomOut];
     let shown = [Action::Tool(Tool::Pencil), Action::Show(Pane::default())];
-    quiet.contains(&action)
-        || shown.contains(&action)
-        || matches!(action, Action::Pan(..) | Action::Scroll(_))
+    quiet.contains(&action) || shown.contains(&action) || matches!(action, Action::Pan(..))
 }
 
 #[test]

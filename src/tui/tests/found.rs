@@ -21,18 +21,14 @@ fn a_resumed_run_goes_on_with_its_goal() {
 
 #[test]
 fn lines_over_the_map_and_notices_go_away_after_a_while() {
-    type ShowCase<'a> = (&'a str, &'a dyn Fn(&mut App));
-    let shows: [ShowCase; 1] = [("click: a new goal", &|app| app.screen.explains = true)];
     let long_ago = Instant::now().checked_sub(Duration::from_millis(10_100)).expect("a time");
-    for (line, show) in shows {
-        let mut app = still();
-        show(&mut app);
-        assert!(shown_by(&mut app, 80, 24).contains(line) && !app.on_tick(), "{line}");
-        app.screen.banner = Some(long_ago);
-        assert!(app.on_tick() && !shown_by(&mut app, 80, 24).contains(line), "{line}");
-        assert!(!app.on_tick(), "drawn once, not again and again");
-    }
     let mut app = still();
+    app.screen.explains = true;
+    let is_shown = |app: &mut Still| shown_by(app, 80, 24).contains("click: a new goal");
+    assert!(is_shown(&mut app) && !app.on_tick());
+    app.screen.banner = Some(long_ago);
+    assert!(app.on_tick() && !is_shown(&mut app));
+    assert!(!app.on_tick(), "drawn once, not again and again");
     app.screen.log.show("done", false);
     press(&mut app, KeyCode::Char('j'));
     assert!(app.screen.log.notice().is_none(), "a key takes it away");
@@ -57,15 +53,11 @@ fn a_goal_without_a_path_is_said_and_marked() {
         !app.maze().view.reach.path.is_empty() && app.maze().view.reach.steps > 0
     });
     assert_eq!(said(&app), 0, "@ and G are on the same side");
-    assert!(
-        app.maze().view.reach.start.iter().map(|at| at.floor()).eq([7.0, 1.0]),
-        "its own start"
-    );
+    assert!(app.maze().view.reach.start.iter().map(|at| at.floor()).eq([7.0, 1.0]), "its own");
     app.set_goal(Cell::new(12, 0));
     wait_until(&mut app, |app| app.maze().view.goal.0 == Some(vec![12.5, 0.5]));
-    wait_until(&mut app, |app| {
-        app.maze().view.reach.steps > 3 && app.maze().view.field().is_some()
-    });
+    let view = |app: &App| app.maze().view.clone();
+    wait_until(&mut app, |app| view(app).reach.steps > 3 && view(app).field().is_some());
     assert_eq!(said(&app), 1, "once");
     assert!(app.maze().view.reach.path.is_empty(), "a line through the wall is no plan");
     assert!(shown_by(&mut app, 80, 24).contains('\\'), "floor without a path is hatched");

@@ -102,11 +102,8 @@ fn clicks_on_walls_say_what_they_do() {
     let wall = character_of(&app, Cell::new(10, 1));
     for (button, said) in [(MouseButton::Left, 'G'), (MouseButton::Right, '@')] {
         click(&mut app, button, wall);
-        assert!(
-            notice(&app).contains(&format!("10,1 is a wall: {said} is at")),
-            "{}",
-            notice(&app)
-        );
+        let text = format!("10,1 is a wall: {said} is at");
+        assert!(notice(&app).contains(&text), "{}", notice(&app));
     }
 }
 
@@ -162,9 +159,7 @@ fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(79, 23));
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(79, 23));
     let map = &app.maze().map;
-    assert!(
-        [(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))),
-        "{map:?}"
-    );
+    let edge = [(12, 4), (19, 1), (19, 4)].map(|(x, y)| Cell::new(x, y));
+    assert!(edge.iter().all(|cell| !map.is_free(*cell)), "{map:?}");
     assert!(map.is_free(Cell::new(15, 3)), "inside the box");
 }

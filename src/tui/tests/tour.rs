@@ -18,8 +18,9 @@ impl Policy for Fake {
         out.iter_mut().zip(pairs).for_each(|(out, (s, g))| *out = self.0(s, g));
     }
 
-    fn actions(&self, _: &[f32], _: &[f32], out: &mut [f32], _: &mut Scratch) {
-        out.fill(0.0);
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+        let ahead = states.iter().zip(goals).map(|(s, g)| (g - s).clamp(-1.0, 1.0));
+        out.iter_mut().zip(ahead).for_each(|(out, ahead)| *out = ahead);
     }
 }
 
@@ -64,11 +65,12 @@ fn bent(s: &[f32], g: &[f32]) -> f32 {
     straight(s, g) + if (s[0] < 44.0) == (g[0] < 44.0) { 0.0 } else { 20.0 }
 }
 
-/// Has networks of this D, and candidates all over the map.
+/// Has networks of this D, an actor that walks straight on, and candidates in one room.
 fn learn(app: &mut App, distance: fn(&[f32], &[f32]) -> f32) {
     let world = PointMaze::new(app.maze().map.clone(), 0);
     let mut candidates = Candidates::new(world.spec(), 1, &app.screen.run().settings.bridge);
-    for cell in app.maze().map.free_cells().step_by(3) {
+    let in_room = |cell: &Cell| cell.x < 36 && cell.y < 36;
+    for cell in app.maze().map.free_cells().filter(in_room).step_by(3) {
         candidates.visit(0, &cell.centre(), &cell.centre());
     }
     let (policy, candidates) = (Arc::new(Fake(distance)), Arc::new(candidates));
@@ -130,7 +132,7 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     let text = caption(&app);
     let digits = text.split(|c: char| !c.is_ascii_digit()).filter(|part| !part.is_empty());
     let numbers: Vec<f32> = digits.map(|number| number.parse().expect("a number")).collect();
-    let [direct, first, second, sum] = numbers[..] else { panic!("{text}") };
+    let [direct, first, second, sum, _] = numbers[..] else { panic!("{text}") };
     assert!(first + second == sum && sum <= 0.85 * direct && first.min(second) >= 0.2 * direct);
     assert_eq!(app.screen.field, Field::OverEach);
     let shown = app.screen.search().cloned().expect("the bridge is drawn");
@@ -143,16 +145,14 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     assert_eq!(terminal.backend().buffer()[at.expect("it is on the screen")].symbol(), "B");
     let goal = Cell::new(shown.goal[0] as usize, shown.goal[1] as usize);
     assert_eq!(app.maze().goal, goal);
-    press(&mut app, KeyCode::Right);
     assert!(caption(&app).contains("@ walks from S to G"), "{}", caption(&app));
-    assert_eq!(app.screen.field, Field::Learned, "D to the goal again");
     press(&mut app, KeyCode::Enter);
     assert!(app.screen.explained.is_none(), "the next step hides it");
 }
 
 #[test]
 fn clicks_and_keys_move_on_and_esc_ends() {
-    for ending_step in [2, 5] {
+    for ending_step in [2, 4] {
         let mut app = touring_still();
         let (overlays, goal, map) =
             (app.screen.overlays, app.maze().goal, app.maze().map.free_count());
@@ -161,7 +161,7 @@ fn clicks_and_keys_move_on_and_esc_ends() {
         assert_eq!((step(&app), app.maze().goal), (Some(1), goal), "the click sets no goal");
         (1..ending_step).for_each(|_| press(&mut app, KeyCode::Enter));
         assert_eq!(step(&app), Some(ending_step));
-        assert_eq!(app.maze().map.free_count() < map, ending_step == 5, "a door");
+        assert_eq!(app.maze().map.free_count() < map, ending_step == 4, "a door");
         press(&mut app, KeyCode::Esc);
         assert_eq!((step(&app), app.screen.field), (None, Field::Learned));
         assert_eq!((app.screen.overlays, app.maze().map.free_count()), (overlays, map));

@@ -187,11 +187,6 @@ impl Pilot {
 }
 
 impl Pilot {
-    /// Whether the agent follows plans.
-    pub fn plans(&self) -> bool {
-        self.run.method.plans()
-    }
-
     /// Moves the agent of `world` by one step of the actor alone towards `goal`.
     ///
     /// # Errors
@@ -244,9 +239,13 @@ pub struct Reach {
     pub finished: (u32, u32),
     /// Why the agent does not move, if its world has failed.
     pub failure: Option<String>,
-    /// In a maze, where the agent follows plans: the actor alone.
+    /// In a maze: the actor alone.
     pub ghost: Option<Ghost>,
 }
+
+/// How far from one place the actor may move, in goal radii, to be said to stand there: what it has
+/// learned changes, and it with that.
+const STANDS_WITHIN: f32 = 3.0;
 
 /// The actor alone on its way from the same start to the same goal.
 #[derive(Clone, Debug, PartialEq)]
@@ -257,7 +256,7 @@ pub struct Ghost {
     pub steps: u32,
     /// Whether it has been at the goal, where it stays.
     pub arrived: bool,
-    /// The step since which it has been within a goal radius of one place.
+    /// The step since which it has been about one place.
     pub stands_since: u32,
     stands_at: Vec<f32>,
 }
@@ -273,7 +272,7 @@ impl Ghost {
         let (state, spec) = (world.states(), world.spec());
         (self.at, self.steps) = (spec.achieved(state).collect(), self.steps + 1);
         self.arrived = spec.reached(state, goal);
-        if !spec.reached(state, &self.stands_at) {
+        if spec.goal_distance(state, &self.stands_at) > STANDS_WITHIN * spec.goal_radius {
             (self.stands_since, self.stands_at) = (self.steps, self.at.clone());
         }
     }

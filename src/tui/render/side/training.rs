@@ -53,9 +53,9 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Lin
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
     lines.extend(snapshot.seconds_left.map(|seconds| fact("left", clock(seconds))));
     lines.push(fact("updates", updates));
-    if all {
-        lines.extend(experience(screen));
-    }
+    // That agents do not act is said first.
+    let shown = if all { 3 } else { usize::from(snapshot.data.is_some()) };
+    lines.extend(experience(screen).into_iter().take(shown));
     lines.extend(losses(screen, all));
     lines.extend(success(screen, all));
     // Where it seldom moves, agents have to find out how.
@@ -143,12 +143,10 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         lines.push(next(screen));
         // Coverage is known between evaluations as well.
         let seen = screen.snapshot.latest_coverage();
-        lines.extend(
-            seen.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))),
-        );
+        let explored = |seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen));
+        lines.extend(seen.map(explored));
     } else {
-        lines.push(Line::styled(" success", BOLD));
-        lines.push(next(screen));
+        lines.extend([fact("success", "not evaluated yet"), next(screen)]);
     }
     lines
 }
