@@ -126,6 +126,7 @@ assert curves(("b", elsewhere, []), ("a", moved, [])) == [WHOLE]
 HALF = WHOLE[: len(WHOLE) // 2]
 for other in {"eval_tasks": 9}, {"edit_at": ["150:3 x 3, a"]}, {"fingerprint": "3 x 3, b"}:
     assert curves(BEGUN, ("a", other, [])) == [HALF, HALF], other
+assert curves(("a", {"settings": 5}, [])) == [HALF], "it is no list"
 edit = {"event": "edit", "updates": 150}
 edited = ("b", {"fingerprint": "3 x 3, a", "eval_tasks": 9}, [])
 assert curves(edited, ("a", {"edit_at": ["150:3 x 3, a"]}, [edit])) == [sorted([150, *WHOLE])]

@@ -133,6 +133,8 @@ class NoRecords(Exception):
 def read(path: pathlib.Path) -> list[list[dict[str, Any]]]:
     """Returns the records of a file or what a job's result amounts to, in parts that each begin with
     `start`."""
+    if path.is_fifo():
+        say(f"{path}: a pipe, read to its end before it is logged; standard input is logged as it comes")
     try:
         text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
@@ -185,9 +187,10 @@ def described(start: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     own = [world, part("map").get("scenario"), part("data").get("checksum")]
     key = json.dumps([*own, *map(start.get, APART)], sort_keys=True)
     key = hashlib.sha256(key.encode()).hexdigest()[:ID_LENGTH]
-    settings = start.get("settings") or []
+    settings = start.get("settings")
     if isinstance(settings, dict):
         settings = [f"{name}={value}" for name, value in settings.items()]
+    settings = settings if isinstance(settings, list) else []
     name = "-".join(map(str, [world, start.get("method"), *settings, start.get("seed"), key]))
     plain = lambda value: value if isinstance(value, (int, float)) else str(value)
     varies = ("event", "updates", "resumed", "threads", "seconds")

@@ -94,6 +94,19 @@ class Raises(Point):
         raise ValueError("the point is \x1b[31mlost")
 
 
+class Misnames(Point):
+    def misbehave(self):
+        raise ModuleNotFoundError("the third module", name=3)
+
+
+class Wanders(Point):
+    """Its goal moves within episodes."""
+
+    def step(self, action):
+        self.goal = self.goal + 0.01
+        return super().step(action)
+
+
 class Shouts(Point):
     """Says more than fits, and half of a character."""
 

@@ -1,6 +1,6 @@
 //! Reads folders of runs again and again, as files grow.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -119,21 +119,24 @@ fn short(file: PathBuf) -> PathBuf {
 
 /// Returns a folder and those below it that may have runs, each once, the usual ones first.
 fn with_folders_below(folder: &Path) -> Vec<PathBuf> {
-    let (mut all, mut known) = (vec![(folder.to_owned(), 0)], HashSet::new());
-    let mut next = 0;
-    while let Some((folder, depth)) = all.get(next).cloned().filter(|_| next < MOST_FOLDERS) {
-        next += 1;
-        let is_new = folder.canonicalize().is_ok_and(|real| known.insert(real));
+    let (mut all, mut known) = (VecDeque::from([(folder.to_owned(), 0)]), HashSet::new());
+    let mut found = Vec::new();
+    while let Some((folder, depth)) = all.pop_front().filter(|_| known.len() < MOST_FOLDERS) {
+        // By links, it may have another name, too.
+        if folder.canonicalize().is_ok_and(|real| !known.insert(real)) {
+            continue;
+        }
         let entries = std::fs::read_dir(&folder).into_iter().flatten().flatten();
         let inner = entries.map(|entry| entry.path()).filter(|path| {
             let is_left_out = LEFT_OUT.iter().any(|name| path.ends_with(name));
-            is_new && depth < MOST_DEPTH && !is_left_out && !is_hidden(path) && path.is_dir()
+            depth < MOST_DEPTH && !is_left_out && !is_hidden(path) && path.is_dir()
         });
         let mut inner: Vec<PathBuf> = inner.collect();
-        inner.sort_by_key(|path| (!path.ends_with(SAVES), path.clone()));
+        inner.sort_by_key(|path| (!path.ends_with(SAVES), path.is_symlink(), path.clone()));
         all.extend(inner.into_iter().map(|path| (path, depth + 1)));
+        found.push(folder);
     }
-    all.into_iter().map(|(folder, _)| folder).take(next).collect()
+    found
 }
 
 #[cfg(test)]
@@ -195,6 +198,8 @@ mod tests {
             let (runs, told) = read(&mut reader);
             (runs.iter().map(|run| run.updates).collect::<Vec<u64>>(), told)
         };
+        // A link to a folder beside it.
+        std::os::unix::fs::symlink("suite", path("linked")).expect("a link");
         assert_eq!(read(), (vec![1_000, 0, 0, 300], 6), "the second one is damaged");
         assert_eq!(read(), (vec![1_000, 0, 0, 300], 0), "nothing is new");
         // Its last line is not complete yet.

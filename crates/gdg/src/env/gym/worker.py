@@ -132,12 +132,13 @@ class Slot:
 
     def __init__(self):
         self.env = make()
-        self.ended = False
+        self.ended = self.moves_goal = False
         self.last = self.generators = None
 
     def row(self):
-        """Returns what is observed, followed by the achieved goal if it is apart, and 1 at the end."""
-        return np.append(self.last, self.ended)
+        """Returns what is observed, followed by the achieved goal if it is apart, and 1 at the end; 2 more
+        where the desired goal has moved within an episode."""
+        return np.append(self.last, self.ended + 2 * self.moves_goal)
 
 
 class Goals:
@@ -419,7 +420,10 @@ def step_all(body):
             check_form({"action": space})
             # Bounds of double precision have been rounded on the way.
             action = np.clip(action.astype(space.dtype), space.low, space.high)
-            slot.last = goals.observe(step(slot, action))
+            observation = step(slot, action)
+            slot.last = goals.observe(observation)
+            if goals.in_observation and Slot.steps <= FIRST_STEPS:
+                slot.moves_goal |= not np.array_equal(observation["desired_goal"], slot.goal)
     return np.concatenate([slot.row() for slot in slots[: len(actions)]])
 
 
@@ -429,8 +433,8 @@ def reset_one(body):
     slot = slots[index]
     observation, info = reset(slot, seed, task)
     check_form(goals.spaces(slot.env))
-    slot.last = goals.observe(observation)
-    return np.append(slot.row(), goals.desired(observation, info))
+    slot.last, slot.goal = goals.observe(observation), goals.desired(observation, info).copy()
+    return np.append(slot.row(), slot.goal)
 
 
 def make_all(body):
@@ -456,6 +460,7 @@ def said(error):
 def why(error):
     """Describes an exception: what it is, and the last places outside this file."""
     text = said(error)
+    is_missing, name = isinstance(error, ModuleNotFoundError), getattr(error, "name", None)
     if len(text) > MAX_TEXT:
         text = text[: MAX_TEXT // 2] + " ... " + text[-MAX_TEXT // 2 :]
     places = [
@@ -466,7 +471,7 @@ def why(error):
     return json.dumps(
         {
             "unsupported": isinstance(error, Unsupported),
-            "missing": error.name if isinstance(error, ModuleNotFoundError) else None,
+            "missing": safe(name) if is_missing and isinstance(name, str) else None,
             "error": text,
             "places": [safe(place) for place in places[-4:]],
             "searched": [safe(folder or os.getcwd()) for folder in sys.path],

@@ -297,6 +297,8 @@ pub struct GymWorker {
     ends_by: Option<Instant>,
     /// How many environments it has.
     pub environments: usize,
+    /// Whether a desired goal has moved within one of its first episodes.
+    pub moves_goal: bool,
     /// Whether it has failed, and must not be used again.
     pub is_broken: bool,
 }
@@ -389,7 +391,8 @@ impl GymWorker {
         let (ended, row) = row.split_last().unwrap_or((&0.0, &[]));
         let row: Vec<f32> = row.iter().map(|v| *v as f32).collect();
         let Some(i) = row.iter().position(|v| v.is_nan() || v.abs() > MAX_MAGNITUDE) else {
-            return Ok((row, *ended != 0.0));
+            self.moves_goal |= *ended >= 2.0;
+            return Ok((row, *ended % 2.0 != 0.0));
         };
         let (part, component) = match i.checked_sub(about.observed) {
             Some(component) => ("achieved_goal", component),
@@ -447,6 +450,7 @@ impl GymWorker {
             job,
             ends_by: None,
             environments: 0,
+            moves_goal: false,
             is_broken: false,
         };
         worker.send(Message::Source, SOURCE.as_bytes())?;

@@ -142,7 +142,10 @@ impl Pool {
         } else {
             let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
             let (found, reached) = facts::find(&mut worker, &about, goal, radius)?;
-            (found, about.warnings().chain(reached).collect())
+            let moves =
+                "its desired goal moves within episodes: agents head for the one of the reset";
+            let moves = worker.moves_goal.then(|| moves.to_owned());
+            (found, about.warnings().chain(reached).chain(moves).collect())
         };
         let (mut pool, found) = Self::only_read(address, options, about, found)?;
         pool.job = job;
