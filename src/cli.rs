@@ -17,7 +17,7 @@ use gdg::map::BUILTIN;
 use gdg::train::Registry;
 
 pub use maps::{ConvertArgs, MapsArgs, MapsCommand};
-pub use screen_args::{CompareArgs, RunsArgs, ScreenArgs, TourArgs, WatchArgs};
+pub use screen_args::{CompareArgs, OpenArgs, RunsArgs, ScreenArgs, TourArgs, WatchArgs};
 pub use train::TrainArgs;
 
 /// The program's name on the command line.

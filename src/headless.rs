@@ -280,7 +280,8 @@ impl HeadlessRun<'_> {
     fn explained(&self, error: Report) -> Report {
         let saved = self.saver.as_ref().filter(|saver| saver.has_saved(&self.setup.trainer));
         let Some(saver) = saved.filter(|_| error.help().is_none()) else { return error };
-        let (file, resume) = (saver.path().display(), resume_command(saver.path()));
+        let options = &self.setup.trainer.registry().options;
+        let (file, resume) = (saver.path().display(), resume_command(saver.path(), options));
         let help = format!("the run is saved to {file}: {resume} goes on");
         let causes: Vec<String> = error.chain().map(ToString::to_string).collect();
         miette!(help = help, "{}", causes.join(": "))

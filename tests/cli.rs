@@ -781,6 +781,17 @@ fn help_fits_80_columns() {
 }
 
 #[test]
+fn only_options_of_environments_are_below_their_heading() {
+    let mut command = <gdg_tui::cli::Cli as clap::CommandFactory>::command();
+    let help = command.render_long_help().to_string();
+    let (before, below) = help.split_once("\nGymnasium environments:").unwrap();
+    for option in ["--cell", "--ui-config", "--print-config-template", "--require-success"] {
+        assert!(before.contains(option) && !below.contains(&format!("\n      {option}")));
+    }
+    assert!(below.contains("\n      --python"));
+}
+
+#[test]
 fn recorded_data_of_ogbench_are_learned_from_in_its_built_in_mazes() {
     let recording = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("crates/gdg/tests/data/ogbench/giant.npz")

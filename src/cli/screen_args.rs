@@ -21,6 +21,17 @@ pub struct ScreenArgs {
     pub log_level: LevelFilter,
 }
 
+/// Options of commands that open runs.
+#[derive(Debug, Args)]
+pub struct OpenArgs {
+    /// Python interpreter of environments in Python [default: as of gdg-tui]
+    #[arg(long, value_name = "PATH")]
+    pub python: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub screen: ScreenArgs,
+}
+
 const TOUR_EXAMPLES: &str = "\
 Examples:
   gdg-tui tour                               a minute and a half, with captions
@@ -69,7 +80,7 @@ pub struct RunsArgs {
     pub json: bool,
 
     #[command(flatten)]
-    pub screen: ScreenArgs,
+    pub open: OpenArgs,
 }
 
 const WATCH_EXAMPLES: &str = "\
@@ -91,7 +102,7 @@ pub struct WatchArgs {
     pub file: PathBuf,
 
     #[command(flatten)]
-    pub screen: ScreenArgs,
+    pub open: OpenArgs,
 }
 
 const COMPARE_EXAMPLES: &str = "\

@@ -204,20 +204,3 @@ impl GymArgs {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use crate::cli::Cli;
-
-    #[test]
-    fn only_options_of_environments_are_below_their_heading() {
-        let help = Cli::command().render_long_help().to_string();
-        let (before, below) = help.split_once("\nGymnasium environments:").expect("the heading");
-        for option in ["--cell", "--ui-config", "--print-config-template", "--require-success"] {
-            assert!(before.contains(option) && !below.contains(&format!("\n      {option}")));
-        }
-        assert!(below.contains("\n      --python"));
-    }
-}

@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report, miette};
 
-use super::train::{obstacle, on_screen, registry_for};
+use super::train::{obstacle, on_screen};
 use super::{CommandOutcome, bad_input, failure, prepare, print, print_safely};
-use crate::cli::{Cli, RunsArgs, ScreenArgs, TrainArgs, WatchArgs};
+use crate::cli::{Cli, OpenArgs, RunsArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
 use crate::setup::saves::is_named_like_one;
@@ -17,6 +17,7 @@ use crate::tui::{
     self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
 };
+use gdg::env::GymOptions;
 use gdg::learn::Threads;
 use gdg::map::Reading;
 use gdg::printing::eprint_line;
@@ -37,15 +38,13 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return print(&read(&args.folders).iter().map(line).collect::<String>());
     }
     if obstacle().is_none() {
-        let opener = || opener(&args.screen, registry);
+        let opener = || opener(&args.open, registry);
         let list = |opener, interface: &mut _| show(&args.folders, false, opener, interface);
-        return on_screen(&args.screen, [""; 2], opener, list);
+        return on_screen(&args.open.screen, [""; 2], opener, list);
     }
     let runs = read(&args.folders);
-    if !runs.is_empty() {
-        return print_safely(&table(runs));
-    }
-    print("no saved runs yet: train with --save FILE, or press s in the interface\n")
+    let none = "no saved runs yet: train with --save FILE, or press s in the interface\n";
+    if runs.is_empty() { print(none) } else { print_safely(&table(runs)) }
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
@@ -85,7 +84,7 @@ fn show(
 }
 
 pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    let opener = opener(&args.screen, registry).map_err(failure)?;
+    let opener = opener(&args.open, registry).map_err(failure)?;
     let refusal = ["a run", "gdg-tui runs lists runs without one"];
     let find = || match to_watch(&args.file)? {
         (Some(file), records) => {
@@ -94,7 +93,7 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
         }
         (None, records) => Ok(Err(records)),
     };
-    on_screen(&args.screen, refusal, find, |found, interface| match found {
+    on_screen(&args.open.screen, refusal, find, |found, interface| match found {
         Ok(opened) => shown(opened, interface),
         Err(records) => show(&[records], true, opener.clone(), interface),
     })
@@ -130,11 +129,12 @@ fn shown(opened: Opened, interface: &mut PreparedInterface) -> Result<(u8, Strin
 }
 
 /// Returns what opens runs, as the commands that show one or two of them do.
-fn opener(screen: &ScreenArgs, registry: &Arc<Registry>) -> Result<Opener, Report> {
+fn opener(args: &OpenArgs, registry: &Arc<Registry>) -> Result<Opener, Report> {
     use clap::Parser;
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic()?.train;
-    train.log_level = screen.log_level;
-    let registry = registry_for(&train, registry);
+    train.log_level = args.screen.log_level;
+    let options = GymOptions { python: args.python.clone(), ..GymOptions::default() };
+    let registry = registry.clone().with_gym(options);
     Ok(Arc::new(move |wish, progress| match wish.beside {
         None => {
             let look = |records| TrainedElsewhere::look(wish.file.clone(), records);

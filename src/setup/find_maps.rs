@@ -106,11 +106,9 @@ pub fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String>
 fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
     let own = components.of_cell[grid.index(*grid.starts().first()?)]?;
     let largest = components.largest();
-    let is_reached =
-        grid.starts().iter().any(|start| components.of_cell[grid.index(*start)] == Some(largest));
-    (!is_reached).then(|| {
-        let [own, largest] =
-            [own, largest].map(|component| components.sizes[component as usize] as u64);
+    let part = |start: &Cell| components.of_cell[grid.index(*start)];
+    (grid.starts().iter().all(|start| part(start) != Some(largest))).then(|| {
+        let [own, largest] = [own, largest].map(|part| components.sizes[part as usize] as u64);
         let own = counted(own, "cell");
         format!(
             "the start S is cut off, with {own}: agents that begin there stay there, but \
@@ -180,13 +178,10 @@ pub fn unknown_name(path: &Path, registry: &Registry, others: &[String]) -> Repo
     let names = maps.iter().chain(&worlds).copied().chain(others.iter().map(String::as_str));
     let nearest = nearest(known_name(path), names);
     let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
-    let worlds = match &worlds[..] {
-        [] => String::new(),
-        worlds => format!("; worlds: {}", worlds.join(", ")),
-    };
+    let listed = if worlds.is_empty() { "" } else { "; worlds: " }.to_owned() + &worlds.join(", ");
     from_map_error(MapError::whole_file(
         &path.to_string_lossy(),
         "is neither a built-in map nor a file",
-        format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", ")),
+        format!("{nearest}Built-in maps: {}{listed}; or give a map file", maps.join(", ")),
     ))
 }

@@ -30,10 +30,10 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
     }
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
+        let file = path.display();
         return Err(miette!(
             help = help,
-            "{}: is not a checkpoint of gdg-tui and is not replaced",
-            path.display()
+            "{file}: is no checkpoint of gdg-tui: it is not replaced"
         ));
     }
     Ok(if own || overwrite {
@@ -51,11 +51,8 @@ pub fn refuse_input<'a>(
 ) -> Result<(), Report> {
     if inputs.any(|input| is_same_file(input, path)) {
         let help = format!("give {option} another name");
-        return Err(miette!(
-            help = help,
-            "{}: is read by this run and is not replaced",
-            path.display()
-        ));
+        let file = path.display();
+        return Err(miette!(help = help, "{file}: is read by this run and is not replaced"));
     }
     Ok(())
 }
@@ -72,21 +69,15 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
         return Ok(());
     }
     if train::is_checkpoint(path) {
-        return Err(miette!(
-            help = "give another name",
-            "{}: is a checkpoint and is not replaced",
-            path.display()
-        ));
+        let (file, help) = (path.display(), "give another name");
+        return Err(miette!(help = help, "{file}: is a checkpoint and is not replaced"));
     }
     if let Ok(found) = path.metadata()
         && !found.is_file()
     {
         let kind = if found.is_dir() { "a folder" } else { "not a regular file" };
-        return Err(miette!(
-            help = "give the name of a file",
-            "{}: cannot be written: it is {kind}",
-            path.display()
-        ));
+        let (file, help) = (path.display(), "give the name of a file");
+        return Err(miette!(help = help, "{file}: cannot be written: it is {kind}"));
     }
     if overwrite {
         return Ok(());

@@ -6,6 +6,7 @@ use std::time::SystemTime;
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 
+use gdg::env::{GymOptions, gym};
 use gdg::files::is_hidden;
 use gdg::text::safe_file_name;
 use gdg::train::{RunDescription, describe};
@@ -54,12 +55,23 @@ pub fn rate(rate: Option<f64>) -> String {
     rate.map_or("-".to_owned(), |rate| format!("{rate:.2}"))
 }
 
-/// Returns the command that continues the run saved in `file`, quoted for a shell.
-pub fn resume_command(file: &Path) -> String {
-    let file = file.to_string_lossy();
-    // Otherwise, it would look like an option.
-    let file = if file.starts_with('-') { format!("./{file}").into() } else { file };
-    format!("gdg-tui --resume {}", shlex::try_quote(&file).unwrap_or_else(|_| file.clone()))
+/// Returns the command that continues the run saved in `file`, quoted for a shell, with the `options`
+/// that an environment in Python needs again.
+pub fn resume_command(file: &Path, options: &GymOptions) -> String {
+    let quoted = |path: &Path| {
+        let text = path.to_string_lossy();
+        // Otherwise, it would look like an option.
+        let text = if text.starts_with('-') { format!("./{text}").into() } else { text };
+        shlex::try_quote(&text).unwrap_or_else(|_| text.clone()).into_owned()
+    };
+    let (GymOptions { python, workers, timeout, .. }, default) = (options, GymOptions::default());
+    let python = python.iter().map(|python| format!(" --python {}", quoted(python)));
+    let workers = (*workers != default.workers).then(|| format!(" --workers {workers}"));
+    let seconds = (*timeout != default.timeout).then_some(timeout.as_secs_f64());
+    let timeout = seconds.map(|seconds| format!(" --env-timeout {seconds}"));
+    let is_python = describe(file).is_ok_and(|found| found.world == gym::KIND.name);
+    let more = python.chain(workers).chain(timeout).filter(|_| is_python);
+    format!("gdg-tui --resume {}{}", quoted(file), more.collect::<String>())
 }
 
 /// Describes how long ago something happened, if that is known: `25 minutes ago`, `yesterday`.
@@ -106,9 +118,9 @@ mod tests {
 
     #[test]
     fn the_command_survives_a_shell() {
-        let plain = resume_command(Path::new("saves/rooms.safetensors"));
-        assert_eq!(plain, "gdg-tui --resume saves/rooms.safetensors");
-        let odd = resume_command(Path::new("my runs/it's.safetensors"));
+        let command = |file: &str| resume_command(Path::new(file), &GymOptions::default());
+        assert_eq!(command("saves/a.safetensors"), "gdg-tui --resume saves/a.safetensors");
+        let odd = command("my runs/it's.safetensors");
         assert_eq!(shlex::split(&odd).expect("words")[2], "my runs/it's.safetensors", "{odd}");
     }
 

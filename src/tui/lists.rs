@@ -8,7 +8,6 @@ use jiff::tz::TimeZone;
 
 use super::dialog::{Choice, Item, Picker};
 use crate::process::logging;
-use crate::setup::saves::resume_command;
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;
@@ -260,7 +259,7 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
         // A long detail is fine: the selected item is shown in full below the list.
         Item::new(
             "save and quit",
-            format!("to {}; {} goes on", file.display(), resume_command(file)),
+            format!("to {}, from where it can be resumed", file.display()),
             Choice::Quit { save: true },
         )
         .on('y'),

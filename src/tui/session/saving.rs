@@ -345,7 +345,8 @@ impl Session {
         let newest = newest_file(&snapshot);
         let mut summary = summary_of(&snapshot, &title) + &files;
         if let Some(file) = newest {
-            summary += &format!("\nresume with: {}", resume_command(&file));
+            let command = resume_command(&file, &snapshot.registry.options);
+            summary += &format!("\nresume with: {command}");
         }
         if failed {
             summary += &format!("\nthere were errors; {}", logging::hint());

@@ -54,7 +54,7 @@ impl GoalSpace {
         self.episode_steps
     }
 
-    /// Returns the range of a goal's component `i`: that of the maze, or of the state's component.
+    /// Returns the range of a goal's component `i`: in the maze, or of the state's component.
     pub fn range(&self, i: usize) -> [f32; 2] {
         if let Some(walls) = self.walls.as_ref().filter(|_| i < 2) {
             return walls.range(i);
@@ -126,11 +126,14 @@ impl Walls {
         self.is_wall.len() * self.columns()
     }
 
-    /// Returns the lowest and the highest x (`axis` 0) or y (1) of the maze.
+    /// Returns the lowest and the highest x (`axis` 0) or y (1) of free cells and half of the walls beside.
     pub fn range(&self, axis: usize) -> [f32; 2] {
-        let (count, first, cell) =
-            ([self.columns(), self.is_wall.len()][axis] as f32, self.first[axis], self.cell[axis]);
-        let ends = [first - 0.5 * cell, first + (count - 0.5) * cell];
+        let count = [self.columns(), self.is_wall.len()][axis];
+        let place = |cell| [cell % self.columns(), cell / self.columns()][axis];
+        let free = (0..self.cells()).filter(|cell| !self.is_wall(*cell)).map(place);
+        let [low, high] = free.fold([count, 0], |[low, high], i| [low.min(i), high.max(i)]);
+        let ends = [low as f32 - 1.0, high as f32 + 1.0].map(|i| i.clamp(-0.5, count as f32 - 0.5));
+        let ends = ends.map(|i| self.first[axis] + i * self.cell[axis]);
         [ends[0].min(ends[1]), ends[0].max(ends[1])]
     }
 
@@ -148,8 +151,7 @@ impl Walls {
         self.is_wall[cell / self.columns()][cell % self.columns()]
     }
 
-    /// Returns points of the free cells, row by row: `side` times `side` in each, evenly spread
-    /// over the middle quarter of its area, where a body has room.
+    /// Returns `side` times `side` points in each free cell, in its middle, where a body has room.
     pub fn free_points(&self, side: u32) -> impl Iterator<Item = [f32; 2]> + '_ {
         let offset = move |i: u32| (i as f32 + 0.5) / side as f32 * 0.5 - 0.25;
         (0..self.cells()).filter(|cell| !self.is_wall(*cell)).flat_map(move |cell| {
@@ -183,9 +185,8 @@ mod tests {
         assert_eq!(walls.cell_at([7.9, 2.1]), Some(5));
         assert_eq!(walls.cell_at([3.0, 5.0]), Some(4));
         assert_eq!([[-4.1, 8.0], [8.1, 8.0], [0.0, 1.9]].map(|at| walls.cell_at(at)), [None; 3]);
-        assert_eq!([0, 1].map(|axis| walls.range(axis)), [[-4.0, 8.0], [2.0, 10.0]]);
-        let free: Vec<_> = (0..6).filter(|cell| !walls.is_wall(*cell)).collect();
-        assert_eq!(free, [4]);
+        assert_eq!([0, 1].map(|axis| walls.range(axis)), [[-2.0, 6.0], [2.0, 8.0]]);
+        assert!((0..6).filter(|cell| !walls.is_wall(*cell)).eq([4]));
         let points: Vec<_> = walls.free_points(2).collect();
         assert_eq!(points, [[1.5, 4.5], [2.5, 4.5], [1.5, 3.5], [2.5, 3.5]]);
         // Ragged or flat mazes make no sense.

@@ -21,7 +21,8 @@ const MAPS: &str = "maze";
 pub struct Registry {
     worlds: Vec<WorldKind>,
     learners: Vec<LearnerKind>,
-    options: GymOptions,
+    /// How environments in Python are opened.
+    pub options: GymOptions,
     data: Option<PathBuf>,
 }
 
@@ -53,8 +54,7 @@ impl Registry {
         self.with(|registry| registry.options = options)
     }
 
-    /// Has worlds of checkpoints only looked at, where that is possible: no process is started, and
-    /// their agents cannot act.
+    /// Has worlds of checkpoints only looked at, where that is possible: their agents cannot act.
     #[must_use]
     pub fn only_reading(self: Arc<Self>) -> Arc<Self> {
         self.with(|registry| registry.options.reads_only = true)
