@@ -321,3 +321,23 @@ fn a_signal_restores_the_terminal_and_saves_the_checkpoint() {
         std::fs::remove_file(folder.path().join("kept.safetensors")).unwrap();
     }
 }
+
+#[test]
+fn an_edit_to_come_is_made_in_the_interface_too() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.txt"), "S.#..\n.....\n....G\n").unwrap();
+    std::fs::write(folder.path().join("b.txt"), "S.#..\n..#..\n....G\n").unwrap();
+    let args = ["--no-ui", "a.txt", "--edit-at", "20:b.txt", "--max-seconds", "0"];
+    let more = ["--save", "run.safetensors", "--eval-tasks", "1"];
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    command.current_dir(folder.path()).args(args).args(more);
+    assert!(command.output().unwrap().status.success());
+    let mut session = Session::start(folder.path(), &["--resume", "run.safetensors"]);
+    session.wait_for("edited as planned: 1 cell walled");
+    // What is shown is the trainer's map.
+    session.wait_for("seed 0  training");
+    session.press("q");
+    session.wait_for("not saved");
+    session.press("q");
+    session.end();
+}

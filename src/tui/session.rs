@@ -263,6 +263,12 @@ impl Session {
         } else if screen.snapshot.evaluations.len() > before.evaluations.len() {
             log_evaluation(screen);
         }
+        let Cx { screen, scene, .. } = &mut self.cx;
+        if screen.snapshot.made_edits > before.made_edits
+            && let Some(maze) = scene.maze_mut()
+        {
+            maze.follow(screen);
+        }
         if self.screen.run() != &*before.run {
             self.screen.update_changed_settings();
             let items = lists::setting_items(&self.screen);

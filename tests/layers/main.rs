@@ -28,7 +28,7 @@ const LIBRARY: [Room; 15] = [
     ("learn", 8_672),
     ("bridge", 3_918),
     ("train", 6_928),
-    ("engine", 1_218),
+    ("engine", 1_222),
     ("draw", 820),
     ("viewer", 1_690),
 ];
@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 858),
     ("headless", 961),
     ("experiment", 5_667),
-    ("tui", 19_447),
+    ("tui", 19_467),
     ("cli", 643),
     ("commands", 1_027),
 ];

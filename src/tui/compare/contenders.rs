@@ -194,7 +194,9 @@ fn load(
         return Err(without_map(path));
     }
     let threads = options.threads.share(LETTERS.len());
-    let trainer = train::load(path, registry, threads).map_err(from_checkpoint_error)?;
+    let mut trainer = train::load(path, registry, threads).map_err(from_checkpoint_error)?;
+    // Both stay on one map.
+    trainer.edits.clear();
     let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| without_map(path))?;
     let map = maze.map().clone();
     Ok((trainer, map))

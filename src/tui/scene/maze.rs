@@ -376,6 +376,18 @@ impl MazeState {
         if !screen.command(EngineCommand::ChangeWorld(maze_on(map.clone()), done)) {
             return;
         }
+        self.take_map(map, screen);
+    }
+
+    /// Takes the trainer's map, which an edit that was to come has changed.
+    pub fn follow(&mut self, screen: &mut Screen) {
+        if let Some(scene) = screen.snapshot.scene.maze() {
+            self.kept_map = scene.map.clone();
+            self.take_map(self.kept_map.clone(), screen);
+        }
+    }
+
+    fn take_map(&mut self, map: Arc<Grid>, screen: &mut Screen) {
         self.editor.settle(&self.map, &map);
         self.map = map;
         if !self.map.is_free(self.goal) {

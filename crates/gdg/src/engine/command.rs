@@ -91,6 +91,7 @@ impl TrainingThread {
     /// Makes the edit that was to come.
     pub(super) fn make_edit(&mut self) -> Result<(), TrainError> {
         let Some(change) = self.trainer.make_edit()? else { return Ok(()) };
+        self.current.made_edits += 1;
         let what = self.changed_world(change, "edited as planned: ")?;
         self.notify(what);
         Ok(())

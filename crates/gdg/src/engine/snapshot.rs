@@ -105,6 +105,8 @@ pub struct Snapshot {
     pub methods: Methods,
     /// Updates after which the world was edited, in order.
     pub edits: Arc<Vec<u64>>,
+    /// How many of them were to come when the run was opened: no front end has asked for them.
+    pub made_edits: u64,
     pub learns: bool,
     /// See [`Trainer::goal_moved`].
     pub goal_moved: Option<f64>,
@@ -172,6 +174,7 @@ impl Snapshot {
             evaluations: trainer.history().evaluations().clone(),
             methods: trainer.history().methods().clone(),
             edits: Arc::new(trainer.history().edits().to_vec()),
+            made_edits: 0,
             learns: trainer.learns(),
             goal_moved: None,
             notes: Arc::new(trainer.history().notes.clone()),
