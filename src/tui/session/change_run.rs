@@ -11,7 +11,7 @@ use crate::tui::scene::maze::maze_on;
 use gdg::engine::{EngineCommand, MakeWorld};
 use gdg::env::{WorldKind, maze};
 use gdg::map::Grid;
-use gdg::train::{Run, Setting, list_settings, resets_networks, settings_in_world};
+use gdg::train::{Run, SaveTo, Setting, list_settings, resets_networks, settings_in_world};
 
 /// Continues with the run as modified by `change`; asks first if that discards much that the
 /// networks have learned.
@@ -35,8 +35,10 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
 /// learn.
 pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
     let resets = resets_networks(cx.screen.run(), &run);
-    if cx.screen.command(EngineCommand::Change(Box::new(run))) && resets {
-        saver.leave_file();
+    let [before, now] = [cx.screen.run(), &run].map(|run| run.method.name());
+    let leaves = resets || matches!(saver.to, SaveTo::CreateNew(_));
+    if cx.screen.command(EngineCommand::Change(Box::new(run))) && leaves {
+        saver.leave_file([&before, &now]);
     }
 }
 

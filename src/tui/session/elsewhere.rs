@@ -165,7 +165,7 @@ impl Session {
     }
 
     pub fn ask_for_copy(&mut self) {
-        self.saver.leave_file();
+        self.saver.leave_file([""; 2]);
         self.open(self.saver.ask_file("train a copy, saved as"));
     }
 

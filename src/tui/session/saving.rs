@@ -98,9 +98,12 @@ impl Saver {
         };
     }
 
-    /// Leaves the run's file as it is from now on, as the run goes on with new networks.
-    pub fn leave_file(&mut self) {
-        self.to = SaveTo::CreateNew(unused_path(self.to.path()));
+    /// Leaves the run's file as it is from now on, as the run goes on with new networks or, where there
+    /// is no file yet, under the name of a new method.
+    pub fn leave_file(&mut self, [before, now]: [&str; 2]) {
+        let name = self.to.path().file_name().unwrap_or_default().to_string_lossy();
+        let name = name.replace(&format!("-{before}-seed"), &format!("-{now}-seed"));
+        self.to = SaveTo::CreateNew(unused_path(&self.to.path().with_file_name(name)));
     }
 
     /// Returns the file of the next checkpoint: a new file, unless the run already has its own.
