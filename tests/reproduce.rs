@@ -228,7 +228,7 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
     let mut child =
         place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
-    lines.find(|line| line.contains("304 of 600 environment steps")).unwrap();
+    lines.find(|line| line.contains(" of 600 environment steps")).unwrap();
     Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
     let rest: Vec<String> = lines.collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
@@ -250,7 +250,7 @@ fn stopped_figures_go_on_where_they_were_and_give_the_same_bytes() {
     let mut child =
         place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
-    lines.find(|line| line.contains("120 of 600 updates")).unwrap();
+    lines.find(|line| line.contains(" of 600 updates")).unwrap();
     Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
     let rest: Vec<String> = lines.collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");

@@ -239,7 +239,7 @@ fn interrupted_jobs_resume_bit_for_bit_for_any_number_of_parallel_jobs() {
         .spawn()
         .unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
-    lines.find(|line| line.contains("180 of 900 updates")).unwrap();
+    lines.find(|line| line.contains(" of 900 updates")).unwrap();
     Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
     let rest: Vec<String> = lines.collect();
     assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");

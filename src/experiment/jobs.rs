@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
@@ -34,6 +34,9 @@ use gdg::train::{
 
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
+
+/// The least time between two lines about evaluations, of which the last one of each job is told.
+const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
 /// Which jobs run, how, and where.
 #[derive(Clone, Debug, Args)]
@@ -190,9 +193,7 @@ enum End {
     Done,
     /// A signal arrived: its checkpoint is saved.
     Interrupted,
-    /// Another process runs it.
     Elsewhere,
-    /// An error, which is printed.
     Failed,
 }
 
@@ -201,6 +202,8 @@ struct Runner<'a> {
     termination: TerminationSignal,
     open: Vec<&'a JobSpec>,
     progress: JobsProgress,
+    /// When the last line about an evaluation was printed.
+    said: Mutex<Option<Instant>>,
 }
 
 impl Jobs<'_> {
@@ -225,7 +228,7 @@ impl Jobs<'_> {
         }
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
         let (termination, progress) = (TerminationSignal::listen()?, JobsProgress::new(open.len()));
-        let runner = Runner { all: self, termination, open, progress };
+        let runner = Runner { all: self, termination, open, progress, said: Mutex::default() };
         let ends = runner.run(parallel_jobs(options.jobs));
         let named = |wanted: End| {
             let found = runner.open.iter().zip(&ends).filter(move |(_, end)| **end == wanted);
@@ -238,18 +241,15 @@ impl Jobs<'_> {
         }
         if !others.is_empty() {
             let names = others.join(", ");
-            eprint_line(&format!(
-                "other processes run {names}: once they are done, run this again for the whole \
-                 report"
-            ));
+            let then = "once they are done, run this again for all of the report";
+            eprint_line(&format!("other processes run {names}: {then}"));
         }
         Ok((!failed.is_empty(), runner.termination.status()))
     }
 }
 
 impl Runner<'_> {
-    /// Runs the jobs, the longest first; returns how each ended. A job that fails does not end the
-    /// others.
+    /// Runs the jobs, the longest first, also after one has failed; returns how each ended.
     fn run(&self, parallel: usize) -> Vec<End> {
         let all = self.open.len();
         let mut order: Vec<usize> = (0..all).collect();
@@ -418,17 +418,13 @@ impl Runner<'_> {
             match session.next(trainer, &limits).into_diagnostic()? {
                 TrainingEvent::Evaluation if !self.evaluate(i, trainer)? => return Ok(false),
                 TrainingEvent::Save => {
-                    if let Err(error) = saver.save(trainer) {
-                        let then = "training continues; saving will be tried again";
-                        print_error(&error.wrap_err(then));
-                    }
+                    let then = "training continues; saving will be tried again";
+                    let failed = saver.save(trainer).err();
+                    failed.into_iter().for_each(|error| print_error(&error.wrap_err(then)));
                 }
                 TrainingEvent::Recovery(recovery) => self.say(i, &recovery.to_string()),
-                TrainingEvent::Evaluation
-                | TrainingEvent::Progress
-                | TrainingEvent::Edit
-                | TrainingEvent::Ticked(_) => {}
                 TrainingEvent::Ended(reason) => return Ok(reason != EndReason::Interrupted),
+                _ => {}
             }
         }
     }
@@ -446,7 +442,12 @@ impl Runner<'_> {
         let rate = updates as f64 / trainer.seconds().max(1e-3);
         self.progress.advance(i, self.share_of(i, trainer));
         let (success, overall) = (evaluation.success(updates), self.progress.overall());
-        self.say(i, &format!("{done} of {amount} {unit}, {success}, {rate:.0} updates/s{overall}"));
+        let mut said = self.said.lock();
+        if done >= amount || said.is_none_or(|at| at.elapsed() >= BETWEEN_LINES) {
+            *said = Some(Instant::now());
+            let so_far = format!("{done} of {amount} {unit}, {success}");
+            self.say(i, &format!("{so_far}, {rate:.0} updates/s{overall}"));
+        }
         if !evaluation.is_finite() && done >= amount {
             let help = "try another seed, or a smaller learning_rate";
             return Err(miette!(help = help, "the distances are not finite"));
@@ -483,8 +484,7 @@ impl JobsProgress {
         })
     }
 
-    /// Returns the share of all jobs that is done, each of which counts the same, and the seconds
-    /// left; `None` before anything is known.
+    /// Returns the share of all jobs that is done, and the seconds left, once anything is known.
     fn estimate(&self, elapsed: Duration) -> Option<(f64, f64)> {
         let shares = self.shares.lock();
         let sum = |i: usize| shares.iter().map(|shares| shares[i]).sum::<f64>();

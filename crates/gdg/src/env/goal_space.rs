@@ -189,7 +189,6 @@ mod tests {
         assert!((0..6).filter(|cell| !walls.is_wall(*cell)).eq([4]));
         let points: Vec<_> = walls.free_points(2).collect();
         assert_eq!(points, [[1.5, 4.5], [2.5, 4.5], [1.5, 3.5], [2.5, 3.5]]);
-        // Ragged or flat mazes make no sense.
         let mut ragged = walls.clone();
         ragged.is_wall[1].pop();
         let flat = Walls { cell: [1.0, 0.0], ..walls.clone() };
