@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 272),
     ("settings", 400),
     ("map", 3_787),
-    ("env", 6_271),
+    ("env", 6_273),
     ("learn", 8_672),
     ("bridge", 3_918),
     ("train", 6_928),

@@ -238,8 +238,8 @@ pub fn find(
     };
     let mut found = scales(&seen, about, columns, radius);
     let (said, reached) = reached_at_once(&seen, &found);
-    let all_reached = (reached == RESETS).then(|| said.clone());
-    if let Some(why) = too_fine(&found.spec).or(all_reached) {
+    let none_is_left = (reached == RESETS).then(|| said.clone());
+    if let Some(why) = too_fine(&found.spec).or(none_is_left) {
         return Err(worker.fail(why));
     }
     let state = |row: &[f32]| found.columns.iter().map(|column| row[*column]).collect();
@@ -255,10 +255,9 @@ pub fn find(
 fn reached_at_once(seen: &Seen, found: &EnvFacts) -> (String, usize) {
     let EnvFacts { spec, columns, goal_columns, .. } = found;
     let pick = |all: &[f32], of: &[usize]| of.iter().map(|i| all[*i]).collect::<Vec<_>>();
-    let is_reached = |(start, goal): &(&Vec<f32>, &Vec<f32>)| {
-        spec.reached(&pick(start, columns), &pick(goal, goal_columns))
-    };
-    let reached = seen.starts.iter().zip(&seen.goals).filter(is_reached).count();
+    let pairs = seen.starts.iter().zip(&seen.goals);
+    let pairs = pairs.map(|(start, goal)| (pick(start, columns), pick(goal, goal_columns)));
+    let reached = pairs.filter(|(start, goal)| spec.reached(start, goal)).count();
     let (all, radius) = (seen.starts.len(), spec.goal_radius);
     let text = format!(
         "{reached} of {all} goals are reached at the start: the goal radius of {radius} is large for it \

@@ -196,6 +196,8 @@ impl Pool {
         };
         let new = || {
             let (worker, about) = start(&self.address, &self.options, &self.job)?;
+            // Walls are those of the first look, whatever a later process says.
+            let about = EnvDescription { maze: self.about.maze.clone(), ..about };
             let files = about.changed_files(&self.about);
             let files = files.map(|files| files + " began: put back what was there");
             let why = files.or(about.changes_since(&self.about).err());
