@@ -160,7 +160,7 @@ fn profile(map: &str, runs: usize) -> Result<String> {
             while trainer.counters().updates < PROFILED_UPDATES {
                 trainer.tick()?;
             }
-            whole[k].push((processor_time(true) - began).as_secs_f64());
+            whole[k].push(processor_time(true).saturating_sub(began).as_secs_f64());
             for (spent, phase) in spent[k].iter_mut().zip(TrainingPhase::ALL) {
                 *spent += trainer.profile().spent(phase).as_secs_f64();
             }
