@@ -229,8 +229,8 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
 
 fn time(screen: &Screen) -> Option<Line<'static>> {
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
-    let all: f64 = TrainingPhase::ALL.into_iter().map(spent).sum();
-    let exploring = spent(TrainingPhase::Explore);
+    let all: f64 = TrainingPhase::of_trainer().map(spent).sum();
+    let exploring = spent(TrainingPhase::Explore) + spent(TrainingPhase::Plans);
     let percent = |seconds: f64| format!("{:.0} %", 100.0 * seconds / all);
     (all > 0.0).then(|| {
         fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring)))
