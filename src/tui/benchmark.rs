@@ -87,8 +87,7 @@ impl MeasuredInterface {
             }
             if timer.is_due() {
                 let Self { app, terminal, patches, .. } = self;
-                let redraw =
-                    patches.as_ref().map_or(Redraw::All, |(patches, _)| patches.redraw(true));
+                let redraw = patches.as_ref().map_or(Redraw::All, |(own, _)| own.redraw(true));
                 app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), redraw);
                 let drawing = Instant::now();
                 let frame = terminal.draw(|frame| app.draw(frame))?;

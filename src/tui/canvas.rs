@@ -220,8 +220,7 @@ impl Canvas {
 
     /// Fills the pixels whose middles lie between these corners.
     pub fn rectangle(&mut self, corners: [[f32; 2]; 2], ink: Ink) {
-        let [from, to] =
-            corners.map(|at| self.pixel(at).map(|along| (along + 0.5).max(0.0) as usize));
+        let [from, to] = corners.map(|at| self.pixel(at).map(|x| (x + 0.5).max(0.0) as usize));
         let (columns, rows) = self.raster.pixels;
         for row in from[1]..to[1].min(rows) {
             (from[0]..to[0].min(columns)).for_each(|x| self.cover(row * columns + x, u8::MAX));

@@ -87,12 +87,11 @@ pub struct Overlays([bool; Overlay::ALL.len()]);
 impl Overlays {
     /// Returns the default set: fewer without colours, where overlays would hide each other.
     pub fn by_default(depth: ColourDepth) -> Self {
-        let mut shown =
-            vec![Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Path];
+        let mut all = vec![Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Path];
         if depth != ColourDepth::Mono {
-            shown.push(Overlay::Candidates);
+            all.push(Overlay::Candidates);
         }
-        Self(Overlay::ALL.map(|overlay| shown.contains(&overlay)))
+        Self(Overlay::ALL.map(|overlay| all.contains(&overlay)))
     }
 
     pub fn has(self, overlay: Overlay) -> bool {

@@ -325,8 +325,7 @@ impl Picker {
             KeyCode::PageUp => self.move_selection(-PAGE),
             KeyCode::PageDown => self.move_selection(PAGE),
             KeyCode::Char(c) if self.is_question() => {
-                let at =
-                    self.items.iter().position(|item| item.key == Some(c.to_ascii_lowercase()));
+                let at = self.items.iter().position(|own| own.key == Some(c.to_ascii_lowercase()));
                 self.selected = at.unwrap_or(self.selected);
                 return at.is_some();
             }

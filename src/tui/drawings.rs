@@ -272,8 +272,7 @@ fn csv(Screen { snapshot, .. }: &Screen) -> Result<Vec<u8>, ExportError> {
         Some((distance, unit)) => format!("{kind}_at_{distance:.0}_{}", unit.name()),
         None => format!("{kind}_of_group_{}", i + 1),
     };
-    let groups =
-        ["greedy", "planned"].map(|kind| (0..distances.len()).map(move |i| group(kind, i)));
+    let groups = ["greedy", "planned"].map(|of| (0..distances.len()).map(move |i| group(of, i)));
     let mut head: Vec<String> = names.split(' ').map(str::to_owned).collect();
     head.extend(groups.into_iter().flatten().chain(["method".to_owned()]));
     let line = |updates: u64, values: Vec<String>| {

@@ -45,8 +45,7 @@ impl Keymap {
             let own = || binding.keys.iter().map(|k| (*k).to_owned()).collect();
             for key in changes.get(binding.name).cloned().unwrap_or_else(own) {
                 let Some(pressed) = parse(&key).map(normalised) else {
-                    let help =
-                        "keys are written as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"";
+                    let help = "keys are written \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"";
                     return Err(fail(binding.name, format!("{key:?} is not a key"), help));
                 };
                 match keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding)) {

@@ -342,9 +342,7 @@ pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
     };
     let item = |found: &Described| match found {
         Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
-        Err(e) => {
-            Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing)
-        }
+        Err(e) => Item::new(name(&e.file), format!("not loaded: {}", e.problem), Choice::Nothing),
     };
     Picker::new("load a checkpoint", found.iter().map(item).collect())
 }

@@ -390,8 +390,7 @@ impl Terminal {
         {
             patches.rest(end, took + sending, training);
         }
-        let redraw =
-            self.patches.as_ref().map_or(Redraw::All, |patches| patches.redraw(is_training));
+        let redraw = self.patches.as_ref().map_or(Redraw::All, |own| own.redraw(is_training));
         interface.set_graphics(self.graphics, redraw);
         queue!(self.output, BeginSynchronizedUpdate)?;
         let began = Instant::now();
@@ -520,8 +519,7 @@ fn leaving(pictures: bool) -> Vec<u8> {
 /// Returns the size of a character in pixels, if the terminal's driver knows it.
 fn character_size() -> Option<(u16, u16)> {
     let size = crossterm::terminal::window_size().ok()?;
-    let of =
-        |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|pixels| *pixels > 0);
+    let of = |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|n| *n > 0);
     Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
 }
 

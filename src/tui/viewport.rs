@@ -257,8 +257,7 @@ impl Projection {
         let (columns, rows) = (f32::from(area.width), f32::from(area.height));
         let share = if angle == Angle::Free { FREE_SHARE } else { 1.0 };
         let scale = camera.zoom / share * (columns / size(axes[0])).min(2.0 * rows / size(axes[1]));
-        let [x, up] =
-            axes.map(|direction| (0..3).map(|i| camera.focus[i] * direction[i]).sum::<f32>());
+        let [x, up] = axes.map(|axis| (0..3).map(|i| camera.focus[i] * axis[i]).sum::<f32>());
         let axes = axes.map(|direction| direction.to_vec());
         let placed = ([x, -up], scale, 1.0);
         (!area.is_empty()).then(|| Self::around(area, Some(angle), axes, placed, marker))

@@ -135,8 +135,7 @@ fn check(options: &ComparisonOptions) -> Result<(), Report> {
             ));
         }
         let of_side = |side: &String| prefix.is_none_or(|prefix| side == prefix);
-        let mut own =
-            options.contenders().into_iter().zip(&sides).filter(|(_, side)| of_side(side));
+        let mut own = options.contenders().into_iter().zip(&sides).filter(|(_, own)| of_side(own));
         if own.all(|(contender, _)| is_saved(contender)) {
             let help = "a checkpoint has its settings: resume it to change them, and save it";
             return Err(miette!(help = help, "--set {setting}: changes no method"));

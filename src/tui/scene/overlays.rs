@@ -92,8 +92,7 @@ impl Painter<'_> {
             let at = (self.place)(&candidate.at).and_then(|at| frame.character_of(at));
             let Some(at) = at else { continue };
             let (column, row) = (at.x - frame.area.x, at.y - frame.area.y);
-            let off =
-                |at: u16, spacing: u16| f32::from(at % spacing) - 0.5 * f32::from(spacing - 1);
+            let off = |at: u16, every: u16| f32::from(at % every) - 0.5 * f32::from(every - 1);
             let own = off(column, SPACING.0).abs() + 2.0 * off(row, SPACING.1).abs();
             let part = nearest.entry((column / SPACING.0, row / SPACING.1)).or_insert((own, i));
             if own < part.0 {

@@ -86,8 +86,7 @@ impl SpaceState {
         let places = candidates.chain([&self.goal, &self.view.reach.at]);
         let values = places.filter_map(|place| place.get(axis).copied()).chain(space.range(axis));
         let nothing = [f32::INFINITY, f32::NEG_INFINITY];
-        let [low, high] =
-            values.fold(nothing, |[low, high], value| [low.min(value), high.max(value)]);
+        let [low, high] = values.fold(nothing, |[low, high], at| [low.min(at), high.max(at)]);
         let margin = (MARGIN * (high - low)).max(f32::MIN_POSITIVE.sqrt());
         [low - margin, high + margin]
     }

@@ -207,9 +207,7 @@ impl Dialog {
         match (self, key.code) {
             (_, KeyCode::Esc) => Reply::Closes,
             // The key that opens the help closes it, too.
-            (Self::Pick(picker), KeyCode::Char('?')) if picker.typed().0.is_empty() => {
-                Reply::Closes
-            }
+            (Self::Pick(list), KeyCode::Char('?')) if list.typed().0.is_empty() => Reply::Closes,
             (_, KeyCode::Enter) => Reply::Accepts,
             (Self::Pick(picker), _) => {
                 if picker.on_key(key) {

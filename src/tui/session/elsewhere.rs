@@ -1,6 +1,8 @@
 //! A run that another program trains, here or on another machine that sees the folder: its checkpoint
-//! and its records are read again whenever they change. Nothing is locked or written.
+//! and its records are read again whenever they change, or others if it goes on in those. Nothing is
+//! locked or written.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -8,7 +10,9 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use super::Session;
-use crate::experiment::saved_runs::{RecordsReader, RunKind, RunState, SavedRun, Stamp, stamp};
+use crate::experiment::saved_runs::{
+    RecordsReader, RunKind, RunReader, RunState, SavedRun, Stamp, stamp, whole,
+};
 use crate::setup::outputs::is_same_file;
 use crate::setup::saves::ago;
 use gdg::engine::{EngineCommand, EngineNotice, Snapshot};
@@ -42,13 +46,20 @@ impl TrainedElsewhere {
         let shown = stamp(&checkpoint);
         let (publish, seen) = watch::channel(Seen { checkpoint: shown, ..Seen::default() });
         let path = checkpoint.clone();
-        let mut reader = RecordsReader::new(&records);
+        let (mut reader, mut records) = (RecordsReader::new(&records), records);
         let look = move || {
             while !publish.is_closed() {
                 let before = publish.borrow().clone();
                 let mut now = Seen { checkpoint: stamp(&path), ..before.clone() };
                 // Without records, it is the checkpoint.
                 let written = stamp(&records).filter(|_| records != path);
+                // Saved by a program that writes other records.
+                if now.checkpoint != before.checkpoint
+                    && written == before.records
+                    && let Some(others) = growing_records(&path)
+                {
+                    (reader, records) = (RecordsReader::new(&others), others);
+                }
                 if written != before.records {
                     let runs = written.and_then(|_| reader.read().ok());
                     now.records = written.filter(|_| runs.is_some());
@@ -134,6 +145,17 @@ impl TrainedElsewhere {
         };
         [what, saved]
     }
+}
+
+/// Returns the records that grow of the run saved to `checkpoint`, in its folder or below.
+fn growing_records(checkpoint: &Path) -> Option<PathBuf> {
+    let mut reader = RunReader::new(&[whole(checkpoint).parent()?.to_owned()]);
+    let is_own = |run: &&Arc<SavedRun>| {
+        let is_saved_there = || run.kept().is_some_and(|kept| is_same_file(&kept, checkpoint));
+        (run.kind, run.state()) == (RunKind::Records, RunState::Running) && is_saved_there()
+    };
+    let runs = reader.read(|_, _| ControlFlow::Continue(())).runs;
+    runs.iter().find(is_own).map(|run| run.source.clone())
 }
 
 impl Session {

@@ -463,10 +463,11 @@ fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
         return Some(Caption { text: text.to_owned(), subject, ..Caption::default() });
     };
     let state = if walk.arrived { "is there after" } else { "has taken" };
+    let so = if walk.steps as f32 > direct { ", more than D says: it still learns" } else { "" };
     let text = format!(
         "D(S,G) = {direct:.0} steps, but over B, along the line, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = \
          {:.0}. D is better at short ways than at long ones: a bridge makes one hard task two easier ones. @ walks from S to \
-         G and {state} {} steps. The map shows D(S,.) + D(.,G), least at good bridges.",
+         G and {state} {} steps{so}. The map shows D(S,.) + D(.,G), least at good bridges.",
         first + second,
         walk.steps
     );

@@ -175,8 +175,7 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
         assert_eq!((alone.counters(), alone.losses()), (trained.counters(), trained.losses()));
         let policies = [&alone, &trained].map(|trainer| trainer.policy().expect("a policy"));
         let mut scratch = gdg::learn::Scratch::default();
-        let [a, b] =
-            policies.map(|policy| policy.distance(&[1.5, 1.5], &[17.5, 4.5], &mut scratch));
+        let [a, b] = policies.map(|own| own.distance(&[1.5, 1.5], &[17.5, 4.5], &mut scratch));
         assert_eq!(a.to_bits(), b.to_bits(), "{method}");
         assert_eq!(alone.world().states(), trained.world().states());
     }

@@ -278,8 +278,7 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
         let asked = text(&draw(app, 80, 24)).contains("this resets the networks");
         assert_eq!(app.screen.dialogs.len(), usize::from(asked));
         asked.then(|| press(app, KeyCode::Esc));
-        let sent =
-            app.commands.try_iter().any(|command| matches!(command, EngineCommand::Change(_)));
+        let sent = app.commands.try_iter().any(|sent| matches!(sent, EngineCommand::Change(_)));
         assert_ne!(asked, sent, "nothing changes without the answer");
         asked
     };

@@ -74,8 +74,7 @@ fn a_click_sets_the_two_coordinates_that_are_shown() {
         draw(&mut app, 200, 60);
         let projection = app.screen.layout.projections[n].clone();
         let wanted = [1.4, 0.8, 0.6];
-        let at =
-            projection.frame.character_of(projection.plane.flat(&wanted)).expect("it is shown");
+        let at = projection.frame.character_of(projection.plane.flat(&wanted)).expect("shown");
         click(&mut app, MouseButton::Left, at);
         let goal = app.space().goal.clone();
         for i in 0..3 {
