@@ -147,7 +147,7 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         lines.extend(seen.map(explored));
     } else {
         lines.push(fact("success", "not evaluated yet"));
-        lines.extend(screen.elsewhere.iter().map(|_| fact("", "(--eval-every-updates does)")));
+        lines.extend(screen.elsewhere.iter().map(|_| Line::raw(" (--eval-every-updates N)")));
         lines.push(next(screen));
     }
     lines
