@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 
 use gdg::engine::{Engine, EngineCommand, Phase};
 use gdg::env::{Environment, PointMaze};
-use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, Profile, TrainingPhase};
+use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, PHASE_CLOCK, Profile, TrainingPhase};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
 use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
@@ -34,6 +34,11 @@ const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)]
 const UPDATES: usize = 20;
 const TRAINED_UPDATES: u64 = 500;
 
+/// Updates of a run whose processor time is measured, from its beginning until the sixth graph is in
+/// use, and the most runs of each method.
+const PROFILED_UPDATES: u64 = 6_500;
+const PROFILED_RUNS: usize = 4;
+
 /// Updates after which the checkpoint is saved.
 const SAVED_AFTER: u64 = 6_000;
 
@@ -49,6 +54,8 @@ enum Part {
     Updates,
     /// Updates per second on built-in maps
     Training,
+    /// What each second of processor time is spent on, with bridge points and without
+    Profile,
     /// What the interface costs
     Interface,
     /// What a checkpoint consists of
@@ -82,6 +89,7 @@ fn main() -> Result<()> {
         let table = match part {
             Part::Updates => updates(threads, runs),
             Part::Training => MAPS.iter().map(|map| training(map, threads, runs)).collect(),
+            Part::Profile => MAPS.iter().map(|map| profile(map, runs.min(PROFILED_RUNS))).collect(),
             Part::Interface => interface(threads, runs),
             Part::Checkpoint => checkpoint(threads),
         };
@@ -122,7 +130,58 @@ fn updates(threads: usize, runs: usize) -> Result<String> {
     Ok(out)
 }
 
-/// Training on a built-in map, and where its time goes.
+/// The processor time of this thread, or of the whole process; 0 where it is not known.
+fn processor_time(whole: bool) -> Duration {
+    #[cfg(unix)]
+    {
+        use nix::time::{ClockId, clock_gettime};
+        let [thread, process] =
+            [ClockId::CLOCK_THREAD_CPUTIME_ID, ClockId::CLOCK_PROCESS_CPUTIME_ID];
+        let time = clock_gettime(if whole { process } else { thread });
+        time.map_or(Duration::ZERO, Duration::from)
+    }
+    #[cfg(not(unix))]
+    Duration::ZERO
+}
+
+/// What an update of the default preset takes on one thread, and of [`GDG`] without bridge points:
+/// whole runs in turns.
+fn profile(map: &str, runs: usize) -> Result<String> {
+    // Other programs on this machine do not count.
+    PHASE_CLOCK.get_or_init(|| || processor_time(false));
+    let grid = built_in(map);
+    let mut spent = [[0.0; TrainingPhase::ALL.len()]; 2];
+    let mut whole = [Vec::new(), Vec::new()];
+    for turn in 0..runs {
+        for (k, method) in ["gdg-bridge", "gdg"].into_iter().enumerate() {
+            let run = Run { method: method.parse()?, seed: turn as u64, ..run() };
+            let mut trainer = trainer_of(run, &grid, 1)?;
+            let began = processor_time(true);
+            while trainer.counters().updates < PROFILED_UPDATES {
+                trainer.tick()?;
+            }
+            whole[k].push(processor_time(true).saturating_sub(began).as_secs_f64());
+            for (spent, phase) in spent[k].iter_mut().zip(TrainingPhase::ALL) {
+                *spent += trainer.profile().spent(phase).as_secs_f64();
+            }
+        }
+    }
+    let per_update = |seconds: f64| 1e6 * seconds / (runs as u64 * PROFILED_UPDATES) as f64;
+    let mut out = format!("{map}, one update on one thread:     default        gdg\n");
+    let mut row = |name: &str, times: [f64; 2]| {
+        let [default, gdg] = times.map(per_update);
+        out += &format!("  {name:<34}{default:>8.1} us{gdg:>8.1} us\n");
+    };
+    for (i, phase) in TrainingPhase::ALL.into_iter().enumerate() {
+        row(&format!("{phase:?}"), spent.map(|spent| spent[i]));
+    }
+    row("all of these", spent.map(|spent| spent.iter().sum()));
+    row("processor time", whole.each_ref().map(|whole| whole.iter().sum()));
+    let ratio = median(whole[0].iter().zip(&whole[1]).map(|(a, b)| a / b).collect());
+    Ok(out + &format!("  default / gdg: {ratio:.2}\n"))
+}
+
+/// Training on a built-in map on one thread and on several.
 fn training(map: &str, threads: usize, runs: usize) -> Result<String> {
     let grid = built_in(map);
     let mut trainers = [trainer(&grid, 1)?, trainer(&grid, threads)?];
@@ -134,14 +193,7 @@ fn training(map: &str, threads: usize, runs: usize) -> Result<String> {
         Ok(TRAINED_UPDATES as f64 / (trainer.seconds() - seconds))
     })?;
     let ([one, all], on_all) = (rates.map(median), on(threads));
-    let mut out = format!("{map}: {one:.0} updates/s on one thread, {all:.0} on {on_all}\n");
-    for stage in TrainingPhase::ALL {
-        let [one, all] = trainers.each_ref().map(|trainer| {
-            let spent = trainer.profile().spent(stage).as_secs_f64();
-            spent * 1e6 / trainer.counters().updates as f64
-        });
-        out += &format!("  {:<36}{one:>8.1} us{all:>8.1} us\n", stage.name());
-    }
+    let out = format!("{map}: {one:.0} updates/s on one thread, {all:.0} on {on_all}\n");
     Ok(out)
 }
 
@@ -265,9 +317,16 @@ fn in_turns<T>(
 }
 
 /// A run of the default preset on `map`.
-fn trainer(map: &Arc<Grid>, threads: usize) -> Result<Trainer> {
+fn run() -> Run {
     let (method, settings) = (Method::default(), Settings::default());
-    let run = Run { method, preset: Preset::Default, seed: 1, settings };
+    Run { method, preset: Preset::Default, seed: 1, settings }
+}
+
+fn trainer(map: &Arc<Grid>, threads: usize) -> Result<Trainer> {
+    trainer_of(run(), map, threads)
+}
+
+fn trainer_of(run: Run, map: &Arc<Grid>, threads: usize) -> Result<Trainer> {
     Ok(Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)?)
 }
 

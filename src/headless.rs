@@ -74,7 +74,7 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let ended = run.run();
     // Saves what was learned, even after an error.
     let saved = run.save();
-    run.report_unsaved(ended.as_ref().ok().map(|(reason, _)| *reason));
+    run.report_saved(ended.as_ref().ok().map(|(reason, _)| *reason));
     let (reason, evaluation) = ended.map_err(|error| run.explained(error))?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
@@ -94,12 +94,11 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
         return Ok(0);
     };
     // Without a rate, a warning has been printed.
-    if let Some(rate) = found.success_rate() {
-        if rate >= required {
-            return Ok(0);
-        }
-        eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
+    let Some(rate) = found.success_rate() else { return Ok(EXIT_NOT_REACHED) };
+    if rate >= required {
+        return Ok(0);
     }
+    eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
     Ok(EXIT_NOT_REACHED)
 }
 
@@ -143,18 +142,17 @@ impl HeadlessRun<'_> {
     /// still attempted.
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |run: &mut Self| {
-            let Some(facts) = run.facts()? else { return Ok((EndReason::Interrupted, None)) };
+            let interrupted = (EndReason::Interrupted, None);
+            let Some(facts) = run.facts()? else { return Ok(interrupted) };
             print(&Record::start(&run.setup, run.options, facts))?;
             let reason = run.train()?;
             if reason == EndReason::Interrupted {
-                return Ok((reason, None));
+                return Ok(interrupted);
             }
             // Save first: the evaluation may take long and be interrupted.
             run.save_periodically();
-            match run.evaluate()? {
-                Some(evaluation) => Ok((reason, Some(evaluation.into_diagnostic()?))),
-                None => Ok((EndReason::Interrupted, None)),
-            }
+            let Some(evaluation) = run.evaluate()? else { return Ok(interrupted) };
+            Ok((reason, Some(evaluation.into_diagnostic()?)))
         };
         catch_unwind(AssertUnwindSafe(|| run(self))).unwrap_or_else(|_| {
             let mended = self.setup.trainer.repair_after_panic().is_ok();
@@ -180,7 +178,7 @@ impl HeadlessRun<'_> {
             save_every: save_every.filter(|_| self.saver.is_some()),
         };
         let mut session = TrainingLoop::resume(schedule, &self.setup.trainer);
-        self.report_reached_limit();
+        self.report_limits();
         loop {
             let Setup { trainer, limits, .. } = &mut self.setup;
             match session.next(trainer, limits).into_diagnostic()? {
@@ -192,9 +190,8 @@ impl HeadlessRun<'_> {
                     self.table.iter_mut().for_each(|table| table.add(trainer, None));
                 }
                 TrainingEvent::Edit => {
-                    if let Some(change) = trainer.make_edit().into_diagnostic()? {
-                        print(&Record::edit(trainer, change))?;
-                    }
+                    let made = trainer.make_edit().into_diagnostic()?;
+                    made.map_or(Ok(()), |change| print(&Record::edit(trainer, change)))?;
                 }
                 // An evaluation at the end follows anyway.
                 TrainingEvent::Evaluation if trainer.limit_reached(limits).is_some() => {}
@@ -217,17 +214,19 @@ impl HeadlessRun<'_> {
         }
     }
 
-    /// Reports that a resumed run has nothing left to train, if so.
-    fn report_reached_limit(&self) {
+    /// Reports that a resumed run has nothing left to train, or that it is not saved, if so.
+    fn report_limits(&self) {
         let counters = self.setup.trainer.counters();
         let (done, what) = match self.setup.trainer.limit_reached(&self.setup.limits) {
             Some(EndReason::MaxUpdates) => (grouped(counters.updates), "updates"),
             Some(EndReason::MaxEpisodes) => (grouped(counters.episodes), "episodes"),
+            _ if self.setup.resumed.is_some() && self.saver.is_none() => {
+                return eprint_line("not saved: give --save FILE, which may be the file resumed");
+            }
             _ => return,
         };
-        eprint_line(&format!(
-            "nothing to train: the run has {done} {what} already, and --max-{what} counts all"
-        ));
+        let so = format!("the run has {done} {what} already, and --max-{what} counts all");
+        eprint_line(&format!("nothing to train: {so}"));
     }
 
     /// Saves in the middle of a run: a failure is only reported, as the next save may succeed.
@@ -239,38 +238,41 @@ impl HeadlessRun<'_> {
     }
 
     fn save(&mut self) -> Result<(), Report> {
-        let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else {
-            return Ok(());
-        };
+        let trainer = &mut self.setup.trainer;
+        let Some(saver) = &mut self.saver else { return Ok(()) };
         let saved = saver.save(trainer);
         trainer.take_recovery().map_or(Ok(()), report_recovery)?;
-        match saved? {
-            Some(path) => print(&Record::saved(&self.setup.trainer, &path)),
-            None => Ok(()),
-        }
+        saved?.map_or(Ok(()), |path| print(&Record::saved(trainer, &path)))
     }
 
-    /// Reports what is lost without `--save`, unless that seems intended: a new run that reached
-    /// its limit.
-    fn report_unsaved(&self, reason: Option<EndReason>) {
+    /// Says how an interrupted run goes on, or what is lost without `--save`, unless that seems
+    /// intended: a new run that reached its limit.
+    fn report_saved(&self, reason: Option<EndReason>) {
         let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
         let unsaved = self.setup.trainer.counters().updates.saturating_sub(self.begun_at);
         if self.saver.is_none() && unsaved > 0 && !(is_complete && self.setup.resumed.is_none()) {
             let lost = counted(unsaved, "update");
             eprint_line(&format!("not saved: {lost}; give --save FILE to keep them"));
+        } else if let (Some(EndReason::Interrupted), Some(how)) = (reason, self.how_to_go_on()) {
+            eprint_line(&how);
         }
     }
 
     /// Adds to the error that has ended training where the run is saved, unless the error itself
     /// says what to do.
     fn explained(&self, error: Report) -> Report {
-        let saved = self.saver.as_ref().filter(|saver| saver.has_saved(&self.setup.trainer));
-        let Some(saver) = saved.filter(|_| error.help().is_none()) else { return error };
-        let options = &self.setup.trainer.registry().options;
-        let (file, resume) = (saver.path().display(), resume_command(saver.path(), options));
-        let help = format!("the run is saved to {file}: {resume} goes on");
+        let how = self.how_to_go_on().filter(|_| error.help().is_none());
+        let Some(help) = how else { return error };
         let causes: Vec<String> = error.chain().map(ToString::to_string).collect();
         miette!(help = help, "{}", causes.join(": "))
+    }
+
+    /// Returns where the run is saved, if it is, and the command that goes on.
+    fn how_to_go_on(&self) -> Option<String> {
+        let saver = self.saver.as_ref().filter(|saver| saver.has_saved(&self.setup.trainer))?;
+        let options = &self.setup.trainer.registry().options;
+        let (file, resume) = (saver.path().display(), resume_command(saver.path(), options));
+        Some(format!("the run is saved to {file}: {resume} goes on"))
     }
 
     /// Evaluates and prints the result, or returns why the world prevents it; returns `None` if a
@@ -340,13 +342,10 @@ fn updates_per_second(trainer: &Trainer) -> f64 {
     if seconds > 0.0 { trainer.counters().updates as f64 / seconds } else { 0.0 }
 }
 
-/// Default time between checkpoints.
-const DEFAULT_INTERVAL_MINUTES: f64 = 5.0;
-
-/// Returns the time between checkpoints: `minutes`, otherwise the default; `None` for 0, which
-/// saves only at the end.
+/// Returns the time between checkpoints: `minutes`, otherwise five; `None` for 0, which saves only
+/// at the end.
 pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
-    let minutes = minutes.unwrap_or(DEFAULT_INTERVAL_MINUTES);
+    let minutes = minutes.unwrap_or(5.0);
     (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))
 }
 

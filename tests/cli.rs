@@ -903,7 +903,9 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
             .join(" ");
         (output.status.code(), error, edits(&records(&output.stdout)))
     };
-    let unsaved = "not saved: 20 updates; give --save FILE to keep them".to_owned();
+    let unsaved = "not saved: give --save FILE, which may be the file resumed \
+                   not saved: 20 updates; give --save FILE to keep them"
+        .to_owned();
     assert_eq!(
         resume(&at(40, "again"), "60"),
         (Some(0), unsaved.clone(), vec![(40, "again".to_owned())])

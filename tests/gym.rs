@@ -801,7 +801,7 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
         assert_says(&stderr(&output), said);
         assert_says(
             &stderr(&output),
-            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors goes on",
+            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --python",
         );
         if name == "Raises" {
             assert_says(&stderr(&output), "awkward.py, line");
@@ -846,7 +846,7 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
     assert_eq!((records(&always, "evaluation").len(), always.status.code()), (0, Some(1)));
     assert_says(
         &stderr(&always),
-        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors goes on",
+        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --python",
     );
     let resumed =
         resume(folder.path(), "run.safetensors", &["--max-updates", "60"]).output().unwrap();

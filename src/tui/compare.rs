@@ -306,10 +306,8 @@ impl Comparison {
     }
 
     pub fn next_larger(&mut self, _: Action) {
-        self.larger = match self.larger {
-            None => Some(0),
-            Some(side) => Some(side + 1).filter(|next| *next < LETTERS.len()),
-        };
+        let next = self.larger.map_or(0, |side| side + 1);
+        self.larger = Some(next).filter(|next| *next < LETTERS.len());
     }
 
     pub fn open_help(&mut self, _: Action) {

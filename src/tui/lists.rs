@@ -207,16 +207,16 @@ pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Pi
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true })
             .on('y'),
-        Item::new("quit without saving", lost, Choice::Quit { save: false }).on('n'),
-        Item::new("cancel", "", Choice::Nothing).on('c'),
+        Item::new("quit without saving", lost, Choice::Quit { save: false }).on('d'),
+        Item::new("stay", "", Choice::Nothing).on('n'),
     ];
-    Picker::new("save before quitting?", items)
+    Picker::new("quit? not all is saved", items)
 }
 
 pub fn quit_comparison() -> Picker {
     let items = vec![
-        Item::new("quit", "map edits are lost", Choice::Quit { save: false }).on('n'),
-        Item::new("cancel", "ctrl-w saves the map", Choice::Nothing).on('c'),
+        Item::new("quit", "map edits are lost", Choice::Quit { save: false }).on('d'),
+        Item::new("stay", "ctrl-w saves the map", Choice::Nothing).on('n'),
     ];
     Picker::new("quit without saving the map?", items)
 }
@@ -236,7 +236,7 @@ fn lost(snapshot: &Snapshot, also: &str) -> String {
 }
 
 /// Asks whether to leave a run, which can be saved first if it is `unsaved`, to `begin` what
-/// `about` describes.
+/// `about` describes. As in all questions, `y` loses nothing, `d` discards and `n` changes nothing.
 pub fn leave(
     title: impl Into<String>,
     begin: &str,
@@ -246,29 +246,21 @@ pub fn leave(
 ) -> Picker {
     let save = unsaved.map(|_| {
         let first = Choice::SaveFirst(Box::new(choice.clone()));
-        Item::new(format!("save this run, then {begin}"), about, first).on('s')
+        Item::new(format!("save, then {begin}"), about, first).on('y')
     });
-    let lost = unsaved.map_or(about.to_owned(), |snapshot| lost(snapshot, ""));
-    let begin = Item::new(format!("yes, {begin}"), lost, choice).on('y');
-    let stay = Item::new("no, stay", "", Choice::Nothing).on('n');
+    let begin = match unsaved {
+        Some(run) => Item::new(format!("{begin}, unsaved"), lost(run, ""), choice).on('d'),
+        None => Item::new(begin, about, choice).on('y'),
+    };
+    let stay = Item::new("stay", "", Choice::Nothing).on('n');
     Picker::new(title, save.into_iter().chain([begin, stay]).collect())
 }
 
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
+    let to = format!("to {}, from where it can be resumed", file.display());
     let items = vec![
-        // A long detail is fine: the selected item is shown in full below the list.
-        Item::new(
-            "save and quit",
-            format!("to {}, from where it can be resumed", file.display()),
-            Choice::Quit { save: true },
-        )
-        .on('y'),
-        Item::new(
-            "stay",
-            "to inspect, save, change a setting or load a checkpoint",
-            Choice::Nothing,
-        )
-        .on('n'),
+        Item::new("save and quit", to, Choice::Quit { save: true }).on('y'),
+        Item::new("stay", "to inspect, save, or load a checkpoint", Choice::Nothing).on('n'),
     ];
     Picker::new(title, items).explaining(format!("{problem}\n{hint}"))
 }

@@ -76,8 +76,6 @@ impl Log {
     /// Handles the passing of time; returns whether the notice disappears.
     pub fn on_tick(&mut self) -> bool {
         let longest = if self.is_error { ERROR_DURATION } else { NOTICE_DURATION };
-        let is_old =
-            |(since, _): &mut (Instant, _)| Instant::now().duration_since(*since) > longest;
-        self.notice.take_if(is_old).is_some()
+        self.notice.take_if(|(since, _)| since.elapsed() > longest).is_some()
     }
 }

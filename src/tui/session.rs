@@ -273,10 +273,9 @@ impl Session {
             self.screen.update_changed_settings();
             let items = lists::setting_items(&self.screen);
             for dialog in &mut self.screen.dialogs {
-                if let Dialog::Pick(list) = dialog
-                    && list.are_settings
-                {
-                    list.update(items.clone());
+                match dialog {
+                    Dialog::Pick(list) if list.are_settings => list.update(items.clone()),
+                    _ => {}
                 }
             }
         }

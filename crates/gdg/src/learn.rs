@@ -37,7 +37,7 @@ pub use networks::named_arrays::{
 pub use networks::policy::{Policy, Scratch, look_ahead};
 pub(crate) use networks::shapes::axis_actions;
 pub use settings::{LearnSettings, LossScale};
-pub use update::profile::{Losses, Profile, TrainingPhase};
+pub use update::profile::{Losses, PHASE_CLOCK, Profile, TrainingPhase, phase_time};
 pub use update::threads::Threads;
 
 /// The built-in learners.

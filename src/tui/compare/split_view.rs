@@ -200,12 +200,13 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     };
     let shortest = walk.shortest.map_or(String::new(), |steps| format!(" (shortest {steps})"));
     let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
+    let raced = if races > 0 { format!("{arrived} of {races}") } else { unknown() };
     let counters = snapshot.counters;
     let facts = [
         ("steps", short(counters.env_steps as f64), String::new()),
         ("updates", short(counters.updates as f64), format!(" ({}/s)", short(snapshot.rates.0))),
         ("success", planned, if plans { format!(" (greedy {greedy})") } else { String::new() }),
-        ("races", format!("{arrived}/{races}"), String::new()),
+        ("races", raced, String::new()),
         ("D error", error, format!(" (at update {at})")),
         (state, walk.steps.to_string(), shortest),
     ];

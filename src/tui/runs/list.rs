@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
@@ -250,15 +250,17 @@ fn awaited(run: &SavedRun) -> String {
     let trained = Duration::try_from_secs_f64(run.progress.seconds).unwrap_or_default();
     let due = |every: f64| {
         let at = run.written? + Duration::try_from_secs_f64(every).ok()?.saturating_sub(trained);
-        Some(Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system()).strftime("%R").to_string())
+        if at <= SystemTime::now() {
+            return Some("any moment".to_owned());
+        }
+        let at = Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system());
+        Some(at.strftime("at about %R").to_string())
     };
     let when = match &run.saves {
-        Some((_, every)) => {
-            every.and_then(due).map_or("its end".to_owned(), |at| format!("about {at}"))
-        }
-        None => "no time: it has no --save".to_owned(),
+        Some((_, every)) => every.and_then(due).unwrap_or("at its end".to_owned()),
+        None => "at no time: it has no --save".to_owned(),
     };
-    format!("waiting for the first save of {}, at {when}   Esc: the list", name(&run.source))
+    format!("waiting for the first save of {}, {when}   Esc: the list", name(&run.source))
 }
 
 pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {

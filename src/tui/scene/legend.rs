@@ -191,17 +191,17 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     let ghost = reach.ghost.as_ref().filter(|_| !plans || screen.overlays.has(Overlay::Ghost))?;
     let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
     let stands = !ghost.arrived && ghost.steps - ghost.stands_since >= STANDS_STEPS;
-    let since = format!(" since {}", ghost.stands_since);
+    let since = format!(" since step {}", ghost.stands_since);
     let actor = match (ghost.arrived, stands) {
         (true, _) => format!("arrived in {}", ghost.steps),
-        (false, true) => format!("stands{place}{since}"),
+        (false, true) => format!("has stood{place}{since}"),
         (false, false) => format!("has taken {}", ghost.steps),
     };
     let plan = if reach.arrived { "arrived in" } else { "has taken" };
     let plan = format!("plan {plan} {}; ", counted(u64::from(reach.steps), "step"));
     let full = format!("{}the actor {actor}", if plans { &plan } else { "" });
     let short = full.replace("the actor", "actor").replace(place, "").replace(" steps;", ";");
-    let shorter = short.replace(&since, "");
+    let shorter = short.replace(&since, "").replace("has stood", "stands");
     (plans || stands).then(|| vec![full, short, shorter])
 }
 

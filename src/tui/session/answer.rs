@@ -185,11 +185,10 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
             .reduce(|file, image| format!("{file} exists, {image}"));
         lost = disk::loss(cx, typed);
     }
+    let again = "Enter again writes it without them";
     Ok(match (lost, replaced) {
-        (Some(lost), Some(file)) => {
-            Some(format!("{lost}, and {file} exists; Enter again writes it without them"))
-        }
-        (Some(lost), None) => Some(format!("{lost}; Enter again writes it without them")),
+        (Some(lost), Some(file)) => Some(format!("{lost}, and {file} exists; {again}")),
+        (Some(lost), None) => Some(format!("{lost}; {again}")),
         (None, replaced) => replaced.map(|file| format!("{file} exists: Enter again replaces it")),
     })
 }
@@ -233,9 +232,8 @@ impl Dialog {
             MouseEventKind::Down(MouseButton::Left) => return self.click(at, layout),
             _ => return Reply::Stays,
         };
-        match self {
-            Self::Pick(picker) => picker.move_selection(3 * lines),
-            Self::Ask(_) => {}
+        if let Self::Pick(picker) = self {
+            picker.move_selection(3 * lines);
         }
         Reply::Stays
     }

@@ -13,7 +13,7 @@ use crate::process::logging;
 use crate::process::waiting::{TWICE, Waiting};
 use crate::setup::outputs::{elsewhere, save_elsewhere};
 use crate::setup::saves::{SAVES, resume_command};
-use crate::tui::dialog::{Choice, Prompt, Question};
+use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;
 use crate::tui::screen::{Screen, summary_of};
@@ -189,6 +189,12 @@ impl Saver {
     /// Handles the outcome of saves since `before`; returns what to do after one.
     pub fn on_snapshot(&mut self, before: &Snapshot, cx: &mut Cx) -> Option<Choice> {
         let now = cx.screen.snapshot.clone();
+        // What quitting would lose grows while it is asked about.
+        let top = cx.screen.dialogs.last_mut().filter(|top| top.asks_to_quit());
+        if let Some(Dialog::Pick(list)) = top {
+            let asked = lists::quit_choices(&now, cx.scene.has_unsaved_map(), &self.next_file());
+            list.update(asked.items().cloned().collect());
+        }
         let mut then = None;
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !Arc::ptr_eq(earlier, path))

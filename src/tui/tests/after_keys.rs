@@ -93,10 +93,10 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "{click default}", &["continue with preset"], &[]),
     (New, SMALL, "{click seed}", &["restart with seed"], &[]),
     (Run, SMALL, "q", &["unsaved updates", " y save and quit"], &["type to search"]),
-    (Run, SMALL, "qc", &["q quit"], &["save and quit"]),
+    (Run, SMALL, "qn", &["q quit"], &["save and quit"]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}lots{enter}", &["random_actions cannot be"], &[]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}0.5{enter}", &["*random_actions"], &[]),
-    (Run, SMALL, "R", &["save this run, then start", "yes, start with seed 2"], &["..."]),
+    (Run, SMALL, "R", &[" y save, then start", " d start with seed 2, unsaved"], &["..."]),
     // Typing replaces the answer that is there, unless it was edited.
     (New, SMALL, "ohidden{enter}7", &["> 7 "], &[]),
     (New, SMALL, "ohidden{enter}{backspace}7", &["> 17 "], &[]),

@@ -338,7 +338,7 @@ fn the_editor_draws_by_keyboard_on_both() {
     press(&mut comparison, KeyCode::Char(':'));
     press_with(&mut comparison, KeyCode::Char('c'), KeyModifiers::CONTROL);
     assert!(shown_by(&mut comparison, 120, 40).contains("quit without saving the map?"));
-    press(&mut comparison, KeyCode::Char('n'));
+    press(&mut comparison, KeyCode::Char('d'));
     assert!(comparison.is_done(), "it is given up");
 }
 

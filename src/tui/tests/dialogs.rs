@@ -46,8 +46,7 @@ fn only_texts_that_are_maps_are_offered() {
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).expect("written");
     std::fs::write(folder.path().join("notes.txt"), "Buy milk, 2 bottles.\n").expect("written");
     let mut app = still();
-    let pick = |app: &mut App| pick_map(&mut app.cx, Some(folder.path()));
-    pick(&mut app);
+    pick_map(&mut app.cx, Some(folder.path()));
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
     assert_eq!(names, ["..", "rooms.txt"]);

@@ -292,7 +292,7 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
     set(&mut app, "learning_rate", "0.002");
     assert!(!asks(&mut app), "the networks stay");
     set(&mut app, "hidden", "8");
-    press(&mut app, KeyCode::Char('s'));
+    press(&mut app, KeyCode::Char('y'));
     let sent: Vec<EngineCommand> = app.commands.try_iter().collect();
     assert!(matches!(sent[..], [EngineCommand::Save(..)]), "the change waits for the checkpoint");
     app.change_snapshot(|snapshot| snapshot.saved = Some((10_000, Arc::new("own".into()))));
@@ -318,7 +318,7 @@ fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
         let Choice::StartOn(map) = &then else { unreachable!("it starts a run") };
         let question = lists::map_switch(map, None, None, Some(&app.screen.snapshot));
         app.screen.open(question);
-        press(&mut app, KeyCode::Char('s'));
+        press(&mut app, KeyCode::Char('y'));
         if works {
             wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
             let updates = train::describe(&path).expect("a checkpoint").updates;

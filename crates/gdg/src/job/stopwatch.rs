@@ -12,7 +12,7 @@ const LONGEST: Duration = Duration::from_secs(1);
 
 /// Measures time. Of a stop of this program, as by Ctrl-Z, a second counts at most.
 #[derive(Clone, Copy, Debug)]
-pub struct Stopwatch(Duration);
+pub struct Stopwatch(pub(crate) Duration);
 
 impl Stopwatch {
     pub fn start() -> Self {

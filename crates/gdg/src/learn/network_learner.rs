@@ -21,7 +21,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
-use crate::job::{Job, Stopwatch};
+use crate::job::Job;
 use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::data::graph_paths::follow_graph;
 use crate::learn::data::hard_pairs::{imagine_walks, short_pairs};
@@ -33,7 +33,7 @@ use crate::learn::networks::rescale;
 use crate::learn::networks::returns::Reward;
 use crate::learn::networks::shapes::{Critics, Shapes};
 use crate::learn::settings::LearnSettings;
-use crate::learn::update::profile::{Losses, Profile, TrainingPhase};
+use crate::learn::update::profile::{Losses, Profile, TrainingPhase, phase_time};
 use crate::learn::update::threads::Threads;
 use crate::learn::update::trained_networks::Training;
 use crate::store::{Store, StoreError};
@@ -138,6 +138,10 @@ const MODEL_ERROR: &str = "learner_model_error";
 /// Averaging window of that error, in updates.
 const ERROR_UPDATES: f32 = 500.0;
 
+/// The actor's walks are imagined in one of this many updates, which finds nearly as many places where it
+/// gets stuck in half of the time.
+const WALKS_EVERY_UPDATES: u64 = 2;
+
 /// The networks of a built-in learner, and everything needed to train them.
 pub struct NetworkLearner {
     variant: LearnerVariant,
@@ -201,13 +205,16 @@ impl NetworkLearner {
     fn sample(
         &mut self,
         TrainingData { replay, known, relearning, rng, .. }: TrainingData,
+        profile: &mut Profile,
     ) -> candle_core::Result<()> {
-        let looks_ahead = self.looks_ahead();
+        let mut began = phase_time();
+        let (looks_ahead, updates) = (self.looks_ahead(), self.training.actor().dense.steps());
         let Self { variant, sampler, scratch, training, .. } = self;
         let batch = &mut *training.batch().write();
         let relearning = relearning.filter(|_| sampler.returns.is_none());
         sampler.sample(replay, relearning, rng, batch);
         batch.greedy_targets &= looks_ahead;
+        began = profile.lap(TrainingPhase::Sample, began);
         let Some(known) = known.filter(|_| variant.critics == Critics::Distance) else {
             return Ok(());
         };
@@ -216,9 +223,15 @@ impl NetworkLearner {
             nets.critics.truncate(1);
             let (_, count) = sampler.known_rows(batch);
             let short = short_pairs(&sampler.spec, &nets, &known, count, rng, scratch);
-            imagine_walks(&nets, sampler, batch, scratch);
+            began = profile.lap(TrainingPhase::ShortPairs, began);
+            if updates.is_multiple_of(WALKS_EVERY_UPDATES) {
+                imagine_walks(&nets, sampler, batch, scratch);
+            }
+            began = profile.lap(TrainingPhase::ImaginedWalks, began);
             let first = sampler.add_known(&known, &short, rng, batch);
+            began = profile.lap(TrainingPhase::Sample, began);
             follow_graph(sampler, &nets, &known, batch, first, scratch);
+            profile.lap(TrainingPhase::Paths, began);
         })
     }
 }
@@ -232,9 +245,8 @@ impl Learner for NetworkLearner {
         if self.variant.acting == Acting::AtRandom {
             return Ok(Losses::default());
         }
-        let (began, job) = (Stopwatch::start(), data.job);
-        self.sample(data)?;
-        profile.lap(TrainingPhase::Sample, began);
+        let job = data.job;
+        self.sample(data, profile)?;
         let losses = self.training.update(Some(job), profile)?;
         let now = [losses.model_steps, losses.model_steps / losses.actor.max(1.0)];
         let [steps, share, is_off] = &mut self.model_error;

@@ -168,7 +168,8 @@ settings! {
             /// The actor's walks end where it gets stuck; agents that explore are rarely there.
             imagined_walks: f32 = 0.125, Paper | Tuned | Sb3 => 0.0;
                 "fraction of pairs from which, once there is a bridge graph, the dynamics model \
-                 imagines the actor's walk; where that comes to rest, the pair begins",
+                 imagines the actor's walk, in every other batch; where that comes to rest, the \
+                 pair begins",
                 values: Values::FRACTION,
                 ablation: without("no pairs where the actor gets stuck", "0");
             buffer_size: usize = 1_000_000;

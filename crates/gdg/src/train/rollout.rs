@@ -1,6 +1,7 @@
 //! The exploring agents: their goals, exploration and stored experience.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -15,7 +16,7 @@ use crate::bridge::{
     SEEK_SHARE, SearchOutcome, SearchSpace, Walker, search,
 };
 use crate::env::{EnvError, EnvSettings, Environment, Goals, MAX_MAGNITUDE, Restart};
-use crate::learn::{Acting, Replay, Scratch};
+use crate::learn::{Acting, Replay, Scratch, phase_time};
 use crate::store::{Store, StoreError};
 
 /// An agent gives up on a goal after this multiple of D to it, plus [`GIVE_UP_SLACK_STEPS`].
@@ -78,6 +79,8 @@ pub struct Rollout {
     pub(super) excursions: Excursions,
     pub(super) leaps: Leaps,
     pub(super) last_search: Option<Arc<SearchOutcome>>,
+    /// Time spent on plans that is in no profile yet.
+    pub(super) planning: Duration,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -110,6 +113,7 @@ impl Rollout {
             scratch: Scratch::default(),
             leaps: Leaps::default(),
             last_search: None,
+            planning: Duration::ZERO,
         })
     }
 
@@ -359,6 +363,7 @@ impl Rollout {
     fn follow_plans(&mut self, context: &mut StepContext) {
         let guide = context.guide;
         let Some(graph) = guide.graph else { return };
+        let began = phase_time();
         let s = self.env.spec().state_dim();
         for (i, plan) in self.plans.iter_mut().enumerate() {
             let Some(plan) = plan else { continue };
@@ -376,6 +381,7 @@ impl Rollout {
             }
             plan.disturbed |= self.agents[i].held.is_some();
         }
+        self.planning += phase_time().saturating_sub(began);
     }
 
     fn follow_excursions(&mut self, context: &StepContext) -> Result<(), EnvError> {
@@ -601,10 +607,11 @@ impl Rollout {
     }
 
     fn plan(&mut self, i: usize, context: &StepContext) {
-        let goal = &self.agents[i].goal;
+        let (goal, began) = (&self.agents[i].goal, phase_time());
         if let Some(walker) = context.guide.plan(goal, &mut self.scratch) {
             self.plans[i] = Some(AgentPlan { walker, goal: goal.clone(), disturbed: false });
         }
+        self.planning += phase_time().saturating_sub(began);
     }
 
     fn begin_episode(&mut self, i: usize) {

@@ -26,7 +26,7 @@ use crate::env::{EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldSce
 use crate::job::{Job, Stopwatch};
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
-    ReplaySizes, Scratch, Threads, TrainingData, TrainingPhase,
+    ReplaySizes, Scratch, Threads, TrainingData, TrainingPhase, phase_time,
 };
 pub use change::{WorldChange, resets_networks};
 use graphs::{BuiltGraph, Graphs};
@@ -296,13 +296,16 @@ impl Trainer {
     /// step.
     /// Where it fails, the run can be saved.
     pub fn tick(&mut self) -> Result<Tick> {
-        let began = Stopwatch::start();
+        let (began, phase_began) = (Stopwatch::start(), phase_time());
         self.job.beat();
         self.check_data()?;
         self.begin_to_act();
         let tick = if self.is_update_due() { self.update_meanwhile()? } else { self.step()? };
         if tick == Tick::Step {
-            self.profile.lap(TrainingPhase::Explore, began);
+            let planning = std::mem::take(&mut self.rollout.planning);
+            self.profile.add(TrainingPhase::Plans, planning);
+            let exploring = phase_time().saturating_sub(phase_began + planning);
+            self.profile.add(TrainingPhase::Explore, exploring);
         }
         self.seconds += began.elapsed().as_secs_f64();
         if tick == Tick::Update {
@@ -434,7 +437,7 @@ impl Trainer {
         if !self.learns() {
             return Ok(());
         }
-        let began = Stopwatch::start();
+        let began = phase_time();
         self.refresh_graph()?;
         self.profile.lap(TrainingPhase::Graph, began);
         let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());

@@ -146,7 +146,9 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         let explored = |seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen));
         lines.extend(seen.map(explored));
     } else {
-        lines.extend([fact("success", "not evaluated yet"), next(screen)]);
+        lines.push(fact("success", "not evaluated yet"));
+        lines.extend(screen.elsewhere.iter().map(|_| fact("", "(--eval-every-updates does)")));
+        lines.push(next(screen));
     }
     lines
 }
@@ -191,6 +193,7 @@ fn distances(by_distance: &[DistanceScore]) -> String {
     let names: Vec<String> = tested.map(|(i, d)| group_name(d, i, by_distance.len())).collect();
     match &names[..] {
         [near, .., far] => format!("{near}-{far} {unit}"),
+        [_] if unit == "tasks" => String::new(),
         _ => format!("{} {unit}", names.concat()),
     }
 }
@@ -226,8 +229,8 @@ fn bridges(screen: &Screen, scene: &Scene) -> Vec<Line<'static>> {
 
 fn time(screen: &Screen) -> Option<Line<'static>> {
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
-    let all: f64 = TrainingPhase::ALL.into_iter().map(spent).sum();
-    let exploring = spent(TrainingPhase::Explore);
+    let all: f64 = TrainingPhase::of_trainer().map(spent).sum();
+    let exploring = spent(TrainingPhase::Explore) + spent(TrainingPhase::Plans);
     let percent = |seconds: f64| format!("{:.0} %", 100.0 * seconds / all);
     (all > 0.0).then(|| {
         fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring)))

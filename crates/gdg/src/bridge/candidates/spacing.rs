@@ -26,7 +26,7 @@ pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
 
 /// Observed paths, for each candidate of the target number, beyond which candidates move apart in
 /// open space: the time to build and search a graph grows with its paths.
-pub(crate) const MANY_PATHS: usize = 200;
+pub(crate) const MANY_PATHS: usize = 80;
 
 /// Space is open where known paths join at least this share of the candidates that are less than
 /// the edge cut-off apart in a straight line. Unexplored space counts as walls.

@@ -8,7 +8,7 @@
 //! graph's distance, x = f(s, mu'(s, g)) where the actor leads, and a, of the [`FIRST_PLACES`]
 //! candidates around s, the one with the smallest D'(x, a) + d(a, b), those near x first,
 //!
-//! - the target is at most D'(s, a) + d(a, b) + D'(b, g);
+//! - the target is at most 1 + D'(x, a) + d(a, b) + D'(b, g);
 //! - the actor descends D to a waypoint on the path from a to b instead of D to g, if the path
 //!   begins near s and ends near g;
 //! - otherwise, if g is far, the actor does not learn from the pair: one step changes D to a far
@@ -30,7 +30,7 @@ use crate::learn::networks::policy::{DistanceQueries, Imagine, Scratch};
 const LEAST_BOUND_STEPS: f32 = 20.0;
 
 /// Candidates around s of which one is chosen as the beginning of the path.
-const FIRST_PLACES: usize = 4;
+const FIRST_PLACES: usize = 2;
 
 /// The actor is led only along paths that begin at most this far from s, by D'.
 const MAX_STEPS_BEFORE: f32 = 5.0;
@@ -50,6 +50,8 @@ struct GraphPath {
     starts: Range<usize>,
     /// a.
     start: usize,
+    /// D'(x, a).
+    before: f32,
 }
 
 /// Bounds the targets of the pairs of `batch` from row `first` on whose distance along the graph is
@@ -71,40 +73,26 @@ pub fn follow_graph(
     let paths = find_paths(sampler, policy, known, batch, first, scratch);
     let DistancesByGoal { places: ends_at, steps, waypoints, .. } = known.by_goal;
     let mut queries = DistanceQueries::default();
-    for GraphPath { row, start, .. } in &paths {
-        queries.push(&batch.states[row * s..(row + 1) * s], known.goals.goal(*start));
-    }
     for GraphPath { row, end, .. } in &paths {
         let b = ends_at[*end] as usize;
         let goal = &batch.goals[row * g..(row + 1) * g];
         queries.push(&known.states[b * s..(b + 1) * s], goal);
     }
-    let (before, after) = queries.ask(policy, scratch).split_at(paths.len());
-    let mut unled = DistanceQueries::default();
-    let mut unled_rows = Vec::new();
-    for (GraphPath { row, end, start, .. }, (before, after)) in
-        paths.into_iter().zip(before.iter().zip(after))
-    {
+    let after = queries.ask(policy, scratch);
+    for (GraphPath { row, end, start, before, .. }, after) in paths.into_iter().zip(after) {
         let path = end * known.goals.len() + start;
         let (steps, waypoint) = (steps[path], waypoints[path]);
         if bounds && steps >= LEAST_BOUND_STEPS {
             let bound = &mut batch.bound[row];
-            *bound = bound.min(before + steps + after);
+            *bound = bound.min(1.0 + before + steps + after);
             batch.lower[row] = batch.lower[row].min(*bound);
         }
         let is_near =
-            *before <= MAX_STEPS_BEFORE && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
-        let at = row * g..(row + 1) * g;
+            before <= MAX_STEPS_BEFORE && *after <= MAX_STEPS_AFTER.max(MAX_SHARE_AFTER * steps);
         if leads && is_near {
             let waypoint = known.goals.goal(waypoint as usize);
-            batch.actor_goals[at].copy_from_slice(waypoint);
+            batch.actor_goals[row * g..(row + 1) * g].copy_from_slice(waypoint);
         } else if leads {
-            unled.push(&batch.states[row * s..(row + 1) * s], &batch.goals[at]);
-            unled_rows.push(row);
-        }
-    }
-    for (row, distance) in unled_rows.into_iter().zip(unled.ask(policy, scratch)) {
-        if *distance > LEAST_LED_STEPS {
             batch.actor_weights[row] = 0.0;
         }
     }
@@ -138,7 +126,7 @@ fn find_paths(
         if steps(&start).is_finite() && steps(&start) >= least {
             let from = starts.len();
             starts.extend(around.iter().filter(|a| steps(a).is_finite()));
-            paths.push(GraphPath { row, end, starts: from..starts.len(), start });
+            paths.push(GraphPath { row, end, starts: from..starts.len(), start, before: 0.0 });
             pairs.push(state, goal);
         }
     }
@@ -149,7 +137,7 @@ fn find_paths(
         starts[path.starts.clone()].iter().for_each(|a| queries.push(next, known.goals.goal(*a)));
     }
     let before = queries.ask(policy, scratch);
-    for GraphPath { end, starts: own, start, .. } in &mut paths {
+    for GraphPath { end, starts: own, start, before: steps_before, .. } in &mut paths {
         // Far ones come last: D' of the way to them has no overhead of hops, and would win.
         let cost = |k: usize| {
             let steps = before[k] + steps[*end * places + starts[k]];
@@ -159,7 +147,9 @@ fn find_paths(
             let (a, b) = (cost(*a), cost(*b));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
         });
-        *start = best.map_or(*start, |k| starts[k]);
+        if let Some(k) = best {
+            (*start, *steps_before) = (starts[k], before[k]);
+        }
     }
     paths
 }
@@ -223,7 +213,7 @@ mod tests {
             )
         };
         let batch = apply(&LearnSettings { actor_waypoints: false, ..default() });
-        let through = 2.0 + 82.0 + 3.0;
+        let through = 1.0 + 2.0 + 82.0 + 3.0;
         assert_eq!(batch.bound, [1e9, through, 1e9, 1e9, 60.0, 1e9]);
         assert_eq!(batch.lower[1], through, "no higher than the upper bound");
         assert_eq!((&batch.actor_goals, &batch.actor_weights), (&vec![87.0; 6], &vec![1.0; 6]));

@@ -26,6 +26,18 @@ pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], strid
     }
 }
 
+/// Tells the processor that `place` will be read soon, and the rest of its cache line.
+pub fn prefetch<T>(place: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a hint reads nothing, and every x86-64 processor knows it.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = place;
+}
+
 /// Does the part of [`transpose`] that the processor can do in registers; returns its number of
 /// rows and columns.
 #[cfg(target_arch = "x86_64")]

@@ -9,6 +9,9 @@ use crate::learn::networks::mlp::{Activations, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::LearnSettings;
 
+/// Rows whose encoding is fetched while earlier ones are encoded.
+pub const ROWS_AHEAD: usize = 2;
+
 /// Input features of states and of (state, goal) pairs.
 ///
 /// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` where `u` is the state scaled to [-1, 1] and
@@ -149,6 +152,13 @@ impl Encoder {
         self.grid.iter().for_each(|grid| grid.locate_again(places));
     }
 
+    /// Fetches what the encoding of the position at row `i` of `places` reads, if there is one.
+    pub fn prefetch(&self, table: Option<TableView>, places: &GridReads, i: usize) {
+        if let (Some(grid), Some(table)) = (&self.grid, table) {
+            grid.prefetch(table, places, i);
+        }
+    }
+
     /// Writes the encoding of the position at row `i` of `places`.
     pub fn encode(&self, table: Option<TableView>, places: &GridReads, i: usize, out: &mut [f32]) {
         if let (Some(grid), Some(table)) = (&self.grid, table) {
@@ -261,6 +271,7 @@ impl Encoder {
             ];
             for (places, is_repeated, from) in parts {
                 let encoded = &mut row[from..from + grid];
+                self.prefetch(table, places, i + ROWS_AHEAD);
                 if is_repeated {
                     let before = &before[before.len() - stride + from..];
                     encoded.copy_from_slice(&before[..grid]);

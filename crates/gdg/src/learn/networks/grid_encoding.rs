@@ -5,6 +5,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::learn::kernels::kernel::prefetch;
+
 /// Trainable features at each corner of each grid.
 pub const CHANNELS: usize = 4;
 
@@ -187,6 +189,22 @@ impl GridShape {
         let reads = self.levels.len() * self.corners_around();
         places.corners.extend_from_within(places.corners.len() - reads..);
         places.weights.extend_from_within(places.weights.len() - reads..);
+    }
+
+    /// Fetches what [`Self::encode`] reads for the position at `row` of `places`, if there is one:
+    /// it waits for memory most of the time.
+    pub fn prefetch(&self, table: TableView, places: &GridReads, row: usize) {
+        let reads = self.levels.len() * self.corners_around();
+        let corners = places.corners.get(row * reads..(row + 1) * reads).unwrap_or_default();
+        for corner in corners {
+            table
+                .lines
+                .get(*corner as usize * table.stride)
+                .iter()
+                .for_each(|line| prefetch(*line));
+            let stored = table.average.and_then(|lazy| lazy.stored.get(*corner as usize));
+            stored.iter().for_each(|stored| prefetch(*stored));
+        }
     }
 
     /// Encodes the position at `row` of `places` into `out` (`width`).

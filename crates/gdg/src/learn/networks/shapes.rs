@@ -2,7 +2,9 @@
 //! compositions.
 
 use crate::env::Spec;
-use crate::learn::networks::encoder::{Encoder, Pairs, Workspace, is_repeated, resized};
+use crate::learn::networks::encoder::{
+    Encoder, Pairs, ROWS_AHEAD, Workspace, is_repeated, resized,
+};
 use crate::learn::networks::grid_encoding::GridReads;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Weights;
@@ -220,6 +222,7 @@ impl Shapes {
             let (copy, rest) = row[..width].split_at_mut(plain_width);
             copy.copy_from_slice(&own[..plain_width]);
             let (encoded, last) = rest.split_at_mut(grid);
+            self.encoder.prefetch(model.table, plain.positions, i + ROWS_AHEAD);
             if is_repeated(states, i, dim) {
                 let before = &before[before.len() - width + plain_width..];
                 encoded.copy_from_slice(&before[..grid]);

@@ -1,6 +1,7 @@
 //! What an update reports: its losses, and the time spent in each phase of training.
 
 use std::iter::Sum;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use crate::job::Stopwatch;
@@ -42,8 +43,16 @@ impl Sum for Losses {
 pub enum TrainingPhase {
     /// Acting, the environment, candidates and bridge searches.
     Explore,
+    /// Agents' plans: paths to their goals, and waypoints.
+    Plans,
     /// Drawing batches from the replay.
     Sample,
+    /// Choosing pairs where D falls short of the graph.
+    ShortPairs,
+    /// The actor's walks as the model imagines them.
+    ImaginedWalks,
+    /// Bounds and waypoints of pairs, from paths through the graph.
+    Paths,
     /// Losses and gradients of critics and model.
     CriticModelGradients,
     /// Optimiser steps and averages of critics and model.
@@ -52,34 +61,42 @@ pub enum TrainingPhase {
     ActorGradient,
     /// The actor's optimiser step and average.
     ActorStep,
-    /// Building the bridge graph and its distances for distillation.
+    /// Waiting for the bridge graph, and putting it in use.
     Graph,
+    /// Building the bridge graph and its distances for distillation, on a thread of its own.
+    GraphThread,
 }
 
 impl TrainingPhase {
     /// All phases, in order.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 12] = [
         Self::Explore,
+        Self::Plans,
         Self::Sample,
+        Self::ShortPairs,
+        Self::ImaginedWalks,
+        Self::Paths,
         Self::CriticModelGradients,
         Self::CriticModelSteps,
         Self::ActorGradient,
         Self::ActorStep,
         Self::Graph,
+        Self::GraphThread,
     ];
 
-    /// Returns its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Explore => "explore: act, step, store",
-            Self::Sample => "sample the batch",
-            Self::CriticModelGradients => "gradients of critics and model",
-            Self::CriticModelSteps => "steps of critics and model",
-            Self::ActorGradient => "gradient of the actor",
-            Self::ActorStep => "step of the actor",
-            Self::Graph => "bridge graph",
-        }
+    /// Returns those of the trainer's own thread.
+    pub fn of_trainer() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|phase| *phase != Self::GraphThread)
     }
+}
+
+/// The clock by which phases are timed, where it is not that on the wall: a benchmark may count the
+/// processor time of each thread.
+pub static PHASE_CLOCK: OnceLock<fn() -> Duration> = OnceLock::new();
+
+/// Returns the time by the clock of phases.
+pub fn phase_time() -> Duration {
+    PHASE_CLOCK.get().map_or_else(|| Stopwatch::start().0, |clock| clock())
 }
 
 /// Time spent in each phase.
@@ -87,11 +104,16 @@ impl TrainingPhase {
 pub struct Profile([Duration; TrainingPhase::ALL.len()]);
 
 impl Profile {
-    /// Adds the time since `began` to `phase`; returns the current time.
-    pub fn lap(&mut self, phase: TrainingPhase, began: Stopwatch) -> Stopwatch {
-        let now = Stopwatch::start();
-        self.0[phase as usize] += now.since(began);
+    /// Adds the time since `began` to `phase`; returns the current [`phase_time`].
+    pub fn lap(&mut self, phase: TrainingPhase, began: Duration) -> Duration {
+        let now = phase_time();
+        self.add(phase, now.saturating_sub(began));
         now
+    }
+
+    /// Adds time spent in `phase`.
+    pub fn add(&mut self, phase: TrainingPhase, spent: Duration) {
+        self.0[phase as usize] += spent;
     }
 
     /// Returns the time spent in `phase`.

@@ -22,7 +22,7 @@ use crate::learn::settings::LearnSettings;
 use crate::learn::update::parts::{
     BatchPart, Gradient, Half, PAIRS, TRANSITIONS, find_corners, parts_of, step_half,
 };
-use crate::learn::update::profile::{Losses, Profile, TrainingPhase};
+use crate::learn::update::profile::{Losses, Profile, TrainingPhase, phase_time};
 use crate::learn::update::thread_pool::ThreadPool;
 use crate::learn::update::threads::Threads;
 
@@ -143,13 +143,12 @@ impl Training {
             (TrainingPhase::ActorGradient, parts, Shared::actor_gradient),
             (TrainingPhase::ActorStep, 2, |shared, task| shared.step(2 * shared.actor() + task)),
         ];
-        let first_began = Stopwatch::start();
-        let mut began = first_began;
+        let (all_began, mut began) = (Stopwatch::start(), phase_time());
         for (stage, tasks, work) in phases {
             self.pool.try_run(tasks, &self.shared, job, work)?;
             began = profile.lap(stage, began);
         }
-        self.pool.record(began.since(first_began));
+        self.pool.record(all_began.elapsed());
         Ok(self.losses())
     }
 

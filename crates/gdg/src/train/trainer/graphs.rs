@@ -15,7 +15,7 @@ use super::{RandomStream, Result, Trainer, stream};
 use crate::bridge::{BridgeGraph, Candidates, StoredGraph};
 use crate::env::Region;
 use crate::job::{Job, Running};
-use crate::learn::{ChangedDistances, DistancesByGoal, Policy, Scratch};
+use crate::learn::{ChangedDistances, DistancesByGoal, Policy, Scratch, TrainingPhase, phase_time};
 use crate::store::StoreError;
 use crate::train::settings::Settings;
 
@@ -59,6 +59,8 @@ pub struct BuiltGraph {
     /// not known again until the next one.
     pub edited: bool,
     pub changed: Option<Arc<ChangedDistances>>,
+    /// Time that building it took, until it is in a profile.
+    pub took: Duration,
 }
 
 #[derive(Default)]
@@ -118,6 +120,7 @@ impl GraphJob {
     /// Builds the graph; ends early once `job` is cancelled.
     fn run(&self, at: u64, job: &Job) -> BuiltGraph {
         crate::faults::point("graph");
+        let began = phase_time();
         let (mut scratch, policy, candidates) =
             (Scratch::default(), &*self.policy, &self.candidates);
         let stages = 1 + usize::from(self.finds_changed);
@@ -136,7 +139,7 @@ impl GraphJob {
             let changed = built.graph.changed_distances(by_goal, policy, &mut scratch, job);
             built.changed = Some(Arc::new(changed));
         }
-        built
+        BuiltGraph { took: phase_time().saturating_sub(began), ..built }
     }
 }
 
@@ -152,6 +155,7 @@ impl BuiltGraph {
             edited: false,
             distilled: distilled.map(Arc::new),
             changed: None,
+            took: Duration::ZERO,
         }
     }
 
@@ -221,6 +225,8 @@ impl Trainer {
         let building = self.graphs.building().filter(|_| is_due);
         let _waiting = building.map(|job| self.job.add(job.clone()));
         if self.graphs.activate_due(now) {
+            let took = self.graphs.current.as_ref().map_or(Duration::ZERO, |built| built.took);
+            self.profile.add(TrainingPhase::GraphThread, took);
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
         let is_time = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
@@ -252,6 +258,7 @@ impl Trainer {
             longest_steps: current.longest_steps,
             edited: true,
             changed: None,
+            took: Duration::ZERO,
         });
         self.start_graph(EDIT_ACTIVATION_DIVISOR, graph, None)
     }
@@ -273,8 +280,16 @@ impl Trainer {
         let graph = Arc::new(BridgeGraph::restored(self.spec(), &self.run.bridge(), graph)?);
         if let Some(longest_steps) = edited {
             StoreError::unless((0.0..f32::INFINITY).contains(&longest_steps), misfit)?;
-            let (distilled, changed) = (None, None);
-            return Ok(BuiltGraph { at, graph, distilled, longest_steps, edited: true, changed });
+            let (distilled, changed, took) = (None, None, Duration::ZERO);
+            return Ok(BuiltGraph {
+                at,
+                graph,
+                distilled,
+                longest_steps,
+                edited: true,
+                changed,
+                took,
+            });
         }
         let count = graph.candidates().len();
         let built = BuiltGraph::new(at, graph, &mut self.graph_rng(at));
