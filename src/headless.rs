@@ -73,7 +73,7 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination, begun_at };
     let ended = run.run();
     // Saves what was learned, even after an error.
-    let saved = run.save_at_end();
+    let saved = run.save();
     run.report_saved(ended.as_ref().ok().map(|(reason, _)| *reason));
     let (reason, evaluation) = ended.map_err(|error| run.explained(error))?;
     saved?;
@@ -245,20 +245,6 @@ impl HeadlessRun<'_> {
         saved?.map_or(Ok(()), |path| print(&Record::saved(trainer, &path)))
     }
 
-    /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still
-    /// returns an error.
-    fn save_at_end(&mut self) -> Result<(), Report> {
-        self.save().map_err(|error| {
-            let trainer = &self.setup.trainer;
-            // Perhaps only the record of the checkpoint could not be written.
-            let saver = self.saver.as_ref().filter(|saver| !saver.has_saved(trainer));
-            match saver.and_then(|saver| save_elsewhere(trainer, saver.path())) {
-                Some(path) => miette!("{error}; saved to {} instead", path.display()),
-                None => error,
-            }
-        })
-    }
-
     /// Says how an interrupted run goes on, or what is lost without `--save`, unless that seems
     /// intended: a new run that reached its limit.
     fn report_saved(&self, reason: Option<EndReason>) {
@@ -365,13 +351,15 @@ pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
 
 pub struct CheckpointSaver {
     to: SaveTo,
+    /// Where the run is saved as long as it cannot be saved there.
+    pub instead: Option<PathBuf>,
     /// The state saved last: updates, steps and evaluations.
     last_saved_state: Option<(u64, u64, usize)>,
 }
 
 impl CheckpointSaver {
     pub fn new(to: SaveTo) -> Self {
-        Self { to, last_saved_state: None }
+        Self { to, instead: None, last_saved_state: None }
     }
 
     pub fn path(&self) -> &Path {
@@ -379,7 +367,7 @@ impl CheckpointSaver {
     }
 
     /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run
-    /// back first.
+    /// back first. What cannot be saved to its path is saved elsewhere, and still an error.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
         if self.has_saved(trainer) {
             return Ok(None);
@@ -388,7 +376,14 @@ impl CheckpointSaver {
             // The networks are good even then, and can be saved; the next update fails again.
             eprint_line(&error.to_string());
         }
-        let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
+        let path: PathBuf = train::save(trainer, &self.to).map_err(|error| {
+            let again = |path| train::save(trainer, &SaveTo::Replace(path)).ok();
+            let instead = self.instead.take().and_then(again);
+            self.instead = instead.or_else(|| save_elsewhere(trainer, self.path()));
+            let Some(path) = &self.instead else { return from_checkpoint_error(error) };
+            miette!("{error}; saved to {} instead", path.display())
+        })?;
+        self.instead.take().iter().for_each(|path| train::remove_own(path));
         trainer.take_warnings().iter().for_each(|warning| eprint_line(warning));
         let requested = self.to.path();
         if path != requested {

@@ -437,20 +437,41 @@ fn a_failed_periodic_save_does_not_end_the_run() {
         errors.contains("tried again") && assert_loads(&folder.path().join("a.safetensors")) == 400,
         "{errors}"
     );
+    assert!(!folder.path().join("a-2.safetensors").exists(), "what was saved instead is older");
 }
 
 #[test]
 fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     let folder = folder();
-    let mut run = RunningProgram::start(&mut headless(
-        folder.path(),
-        &["trap", "--save", "sub/a.safetensors"],
-    ));
+    let start = |path| {
+        let args = ["trap", "--save", path, "--save-every", "0.002"];
+        RunningProgram::start(&mut headless(folder.path(), &args))
+    };
+    let mut run = start("sub/a.safetensors");
     run.wait_for("progress");
     // A file in the place of the folder, which saving creates.
+    std::fs::remove_dir_all(folder.path().join("sub")).unwrap_or_default();
     std::fs::write(folder.path().join("sub"), b"").unwrap();
     assert_eq!(run.end_with_signal("TERM").0, 1);
     assert!(assert_loads(&folder.path().join("saves/a.safetensors")) >= 1000);
+    // Also by autosaves, of which nothing at the end is needed, beside a file that cannot be replaced.
+    let run = start("b.safetensors");
+    let [own, instead] = ["b", "b-2"].map(|name| folder.path().join(format!("{name}.safetensors")));
+    let wait_until = |is: &dyn Fn() -> bool| {
+        let began = Instant::now();
+        while !is() {
+            assert!(began.elapsed() < Duration::from_mins(1), "timed out");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    wait_until(&|| own.exists());
+    std::fs::set_permissions(&own, PermissionsExt::from_mode(0o444)).unwrap();
+    let updates = || train::describe(&instead).map_or(0, |found| found.updates);
+    wait_until(&|| updates() > 0);
+    let first = updates();
+    wait_until(&|| updates() > first);
+    run.end_with_signal("KILL");
+    assert!(assert_loads(&instead) > first && !folder.path().join("b-3.safetensors").exists());
 }
 
 #[test]

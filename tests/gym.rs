@@ -497,6 +497,8 @@ fn a_goal_radius_that_is_too_large_and_a_goal_that_moves_are_said() {
         ("Point", "20", 2, "256 of 256 goals are reached at the start: the goal radius of 20"),
         ("Point", "7", 0, "goals are reached at the start: the goal radius of 7 is large for it"),
         ("Wanders", "0.5", 0, "its desired goal moves within episodes: agents head for the one"),
+        ("Brief", "0.5", 0, "warning: Brief-v0: every episode ends with its first step"),
+        ("Still", "0.5", 0, "warning: Still-v0: nothing has moved in the random steps"),
     ] {
         let args = ["--goal-radius", radius, "--max-updates", "3"];
         let output = train(folder.path(), name, &args).output().unwrap();

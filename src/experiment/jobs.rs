@@ -20,7 +20,7 @@ use crate::process::EXIT_FAILURE;
 use crate::process::errors::print_error;
 use crate::process::signals::TerminationSignal;
 use crate::process::waiting::duration;
-use crate::setup::outputs::{elsewhere, save_elsewhere};
+use crate::setup::outputs::elsewhere;
 use crate::setup::saves::SAVES;
 use crate::setup::values::{counts, output};
 use crate::setup::{begin, learn_from, parallel_jobs};
@@ -327,8 +327,8 @@ impl Runner<'_> {
             && self.all.folder.result_of(job).is_none()
             && saver.save(&mut trainer).is_err()
         {
-            let kept = save_elsewhere(&trainer, saver.path());
-            let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
+            let kept = &saver.instead;
+            let line = kept.as_ref().map_or("what it has learned cannot be saved".into(), |path| {
                 format!("saved to {} instead, where the next run finds it", path.display())
             });
             self.say(i, &line);

@@ -95,18 +95,16 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     file.map_err(|error| miette!("{}: cannot be written: {error}", path.display()))
 }
 
-/// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's
-/// state folder.
+/// Returns where a file that cannot be saved to `path` goes instead: beside it, as the file itself may
+/// be what cannot be replaced, in `saves/`, or in the user's state folder.
 pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
     let state = ProjectDirs::from("", "", "gdg-tui");
     let state =
         state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
     let name = path.file_name().unwrap_or_default();
-    [Some(PathBuf::from(SAVES)), state]
-        .into_iter()
-        .flatten()
-        .map(|folder| folder.join(name))
-        .collect()
+    let folders = [Some(PathBuf::from(SAVES)), state].into_iter().flatten();
+    let others = folders.map(|folder| folder.join(name));
+    std::iter::once(files::numbered(path, 2)).chain(others).collect()
 }
 
 /// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every

@@ -196,6 +196,20 @@ fn suite(folder: &Path, budget: &str) -> Command {
     command
 }
 
+#[test]
+fn autosaves_go_elsewhere_where_their_folder_takes_nothing() {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("gdg-tui")).unwrap();
+    std::fs::write(folder.path().join("gdg-tui/config.toml"), "autosave_minutes = 0.01\n").unwrap();
+    std::fs::write(folder.path().join("saves"), "in the way").unwrap();
+    let mut session = Session::start(folder.path(), &["trap"]);
+    session.wait_for("recovered");
+    session.signal("KILL");
+    session.status();
+    let found = checkpoints(folder.path());
+    assert!(found.iter().any(|path| train::describe(path).is_ok()), "{found:?}");
+}
+
 /// Starts a run in the interface that autosaves all the time, and pauses it, as it would soon remove
 /// its autosaves; returns its folder and the autosave that it would remove last.
 fn autosaving() -> (tempfile::TempDir, Session, PathBuf) {

@@ -240,6 +240,20 @@ class Pit(Point):
         return bool(self.at[0] < -0.2 * SIDE)
 
 
+class Brief(Point):
+    """Ends each episode with its first step."""
+
+    def is_over(self):
+        return True
+
+
+class Still(Point):
+    """Nothing moves."""
+
+    def step(self, action):
+        return self.observe(), 0.0, False, False, {}
+
+
 class Global(Point):
     """Draws from numpy's random numbers for all."""
 

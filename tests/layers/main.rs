@@ -20,7 +20,7 @@ const LIBRARY: [Room; 15] = [
     ("printing", 298),
     ("faults", 130),
     ("job", 360),
-    ("files", 895),
+    ("files", 891),
     ("store", 272),
     ("settings", 400),
     ("map", 3_787),
@@ -36,9 +36,9 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 677),
-    ("setup", 845),
+    ("setup", 841),
     ("figure", 858),
-    ("headless", 961),
+    ("headless", 955),
     ("experiment", 5_667),
     ("tui", 19_467),
     ("cli", 643),

@@ -1,5 +1,4 @@
-//! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not
-//! depend on any front end.
+//! Runs a trainer on its own thread: takes commands, publishes snapshots, knows no front end.
 
 #![allow(missing_docs, reason = "documented where names and types do not say it")]
 
@@ -30,9 +29,8 @@ use snapshot::{PublishTimer, SNAPSHOT_INTERVAL};
 
 const EVALUATE_EVERY_UPDATES: u64 = 500;
 
-/// Maximum pace of a learner that does not learn, in updates counted per second, unless the user
-/// chooses another: at full speed, random steps would fill the replay buffer and be too fast to
-/// watch.
+/// Most updates per second of a learner that does not learn, unless the user chooses: at full speed,
+/// random steps would fill the replay buffer and be too fast to watch.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 
 const EVALUATION_TASKS: usize = 10;
@@ -51,8 +49,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// networks, edits of the largest maps and slow disks take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
 
-/// Niceness of the training threads relative to the front end: with this value, a thread gets about
-/// a tenth of a contended core.
+/// Niceness of training relative to the front end: a thread gets about a tenth of a contended core.
 #[cfg(target_os = "linux")]
 const NICENESS: i32 = 10;
 
@@ -65,8 +62,7 @@ pub struct EngineLink {
 }
 
 impl EngineLink {
-    /// Links to an engine: sends it `commands`, follows its `snapshots`, and sees in `job` what it
-    /// does.
+    /// Links to an engine: sends it `commands`, follows `snapshots`, and sees in `job` what it does.
     pub fn new(
         commands: SyncSender<EngineCommand>,
         snapshots: watch::Receiver<Arc<Snapshot>>,
@@ -84,8 +80,7 @@ impl EngineLink {
         self.job.latest_part()
     }
 
-    /// Queues a command, which runs before the next update. Drops it and returns `false` if the
-    /// queue is full.
+    /// Queues a command to run before the next update. Returns `false` if the queue is full.
     pub fn send(&self, command: EngineCommand) -> bool {
         self.commands.try_send(command).is_ok()
     }
@@ -105,8 +100,7 @@ impl Engine {
         Self::resume(trainer, limits, None, [])
     }
 
-    /// Like [`Self::start`], for a run loaded from `file`; runs the commands `at_first` before the
-    /// first update.
+    /// Like [`Self::start`], for a run loaded from `file`; runs `at_first` before the first update.
     pub fn resume(
         mut trainer: Trainer,
         limits: Limits,

@@ -34,7 +34,7 @@ pub fn named(folder: &Path, stem: impl AsRef<OsStr>, end: &str) -> PathBuf {
 }
 
 /// Returns `path` with a number after the stem of its name: `run-2.safetensors`.
-fn numbered(path: &Path, number: u64) -> PathBuf {
+pub fn numbered(path: &Path, number: u64) -> PathBuf {
     let folder = path.parent().unwrap_or(Path::new(""));
     match (path.file_stem(), path.extension().map(OsStr::to_string_lossy)) {
         (Some(stem), Some(extension)) if extension.len() <= MAX_EXTENSION_BYTES => {

@@ -11,7 +11,7 @@ use super::{Cx, Session};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::logging;
 use crate::process::waiting::{TWICE, Waiting};
-use crate::setup::outputs::save_elsewhere;
+use crate::setup::outputs::{elsewhere, save_elsewhere};
 use crate::setup::saves::{SAVES, resume_command};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::interface::ClosedRun;
@@ -146,7 +146,8 @@ impl Saver {
 
     /// Saves automatically, to a file next to the user's own.
     fn autosave(&mut self, cx: &mut Cx) {
-        cx.screen.command(EngineCommand::Autosave(self.to.path().to_owned(), notes(cx)));
+        let (own, others) = (self.to.path().to_owned(), elsewhere(self.to.path()).split_off(1));
+        cx.screen.command(EngineCommand::Autosave(own, others, notes(cx)));
     }
 
     /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
@@ -290,8 +291,7 @@ pub fn unsaved(cx: &Cx) -> Option<&Snapshot> {
 }
 
 impl Session {
-    /// Ends training, and saves if that is requested and not yet done. The summary says how much is
-    /// not saved if the run `is_kept` at all.
+    /// Ends training and saves if that is due. The summary says what is lost if the run `is_kept`.
     pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
         if self.elsewhere.is_some() {
             drop(self);

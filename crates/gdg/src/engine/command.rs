@@ -36,12 +36,11 @@ pub enum EngineCommand {
     PauseEvaluations(u32),
     /// Save a checkpoint with what the front end keeps in it.
     Save(SaveTo, Notes),
-    /// Save a checkpoint to a separate file named after this one; only the newest few are kept.
-    Autosave(PathBuf, Notes),
+    /// Save to a separate file beside this one, else beside the next that works; keeps the newest few.
+    Autosave(PathBuf, Vec<PathBuf>, Notes),
     /// Continue in an edited world; the notice of what has changed begins with this text.
     ChangeWorld(MakeWorld, &'static str),
-    /// Continue with other settings, method or preset; keeps the data and, where they fit, the
-    /// networks.
+    /// Continue with other settings, method or preset; keeps data and, where they fit, networks.
     Change(Box<Run>),
     StartRun(Box<Run>, MakeWorld),
     Load(PathBuf),
@@ -180,13 +179,20 @@ impl TrainingThread {
         Ok(text)
     }
 
-    fn autosave(&mut self, named_after: &Path, notes: Notes) -> CommandResult {
-        let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
-        let stem = without_autosave_suffix(&stem);
+    fn autosave(&mut self, own: &Path, others: &[PathBuf], notes: &Notes) -> CommandResult {
+        let stem = own.file_stem().unwrap_or_default().to_string_lossy();
         let updates = self.trainer.counters().updates;
-        let folder = named_after.parent().unwrap_or(Path::new(""));
-        let requested = files::named(folder, stem, &format!("-auto-{updates}.safetensors"));
-        let path = self.write(&SaveTo::CreateNew(requested), notes)?;
+        let end = format!("-auto-{updates}.safetensors");
+        let mut write = |at: &Path| {
+            let folder = at.parent().unwrap_or(Path::new(""));
+            let named = files::named(folder, without_autosave_suffix(&stem), &end);
+            self.write(&SaveTo::CreateNew(named), notes.clone())
+        };
+        let mut path = write(own);
+        for place in others {
+            path = path.or_else(|why| write(place).or(Err(why)));
+        }
+        let path = path?;
         let text = self.saved_text("autosaved", &path, "");
         let mark = files::mark_in_use(&path);
         self.autosaved.push((updates, path, mark));
@@ -277,7 +283,7 @@ impl TrainingThread {
             EngineCommand::Evaluate if self.start_evaluation()? => "evaluating ...".to_owned(),
             EngineCommand::Evaluate => "an evaluation is already running".to_owned(),
             EngineCommand::Save(to, notes) => self.save(to, notes)?,
-            EngineCommand::Autosave(named_after, notes) => self.autosave(&named_after, notes)?,
+            EngineCommand::Autosave(own, others, notes) => self.autosave(&own, &others, &notes)?,
             EngineCommand::ChangeWorld(make, done) => {
                 let world = make(self.trainer.world())?;
                 let change = self.trainer.change_world(&*world)?;
