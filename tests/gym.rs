@@ -527,6 +527,7 @@ for seed in range(40):
 states, actions, ends = map(numpy.array, zip(*rows))
 for name, data in {
     'right': (states, actions, ends),
+    'gusty': (states * [45, 1, 1], actions, ends),
     'scaled': (10 * states, actions, ends),
     'reversed': (states[::-1].copy(), actions[::-1].copy(), numpy.roll(ends[::-1], -1)),
     'shifted': (states, numpy.roll(actions, 1, 0), ends),
@@ -543,6 +544,7 @@ for name, data in {
     assert!(recorded.status.success(), "{}", stderr(&recorded));
     for (name, doubt) in [
         ("right", None),
+        ("gusty", None),
         ("scaled", Some("which its space does not contain; component 1 is mostly far")),
         ("reversed", Some("actions do not lead where")),
         ("shifted", Some("rows may be shifted")),

@@ -106,17 +106,17 @@ impl EnvFacts {
             let changes = steps.iter().map(|[from, _, to]| (to[i] - from[i]).abs());
             share(changes.collect(), 1.0 - TYPICAL)[1]
         };
-        let moved = all.clone().map(|i| (i, moved(steps, i), moved(&own, i)));
-        let moved: Vec<_> = moved.filter(|(_, _, usual)| *usual > 0.0).collect();
+        let pairs = all.clone().flat_map(|i| (0..spec.action_dim).map(move |j| (i, j)));
+        let pairs: Vec<_> = pairs.filter(|at| related(&own, *at).abs() > DIRECT).collect();
+        // Others may be of an object that lies still until it is pushed.
+        let judged = all.filter(|i| pairs.iter().any(|(moved, _)| moved == i));
+        let moved: Vec<_> = judged.map(|i| (i, moved(steps, i), moved(&own, i))).collect();
         let fast = moved.iter().find(|(_, now, usual)| *now > MOST_STEPS * usual);
         let slow = |(_, now, usual): &&(usize, f32, f32)| *now < LEAST_STEPS * usual;
         let slow = moved.first().filter(|_| moved.iter().filter(slow).count() == moved.len());
         let other = fast.or(slow).map(|(i, now, usual)| {
             format!("a step changes component {i} by {now}, and by {usual} in random steps")
         });
-        let mut pairs: Vec<_> =
-            all.flat_map(|i| (0..spec.action_dim).map(move |j| (i, j))).collect();
-        pairs.retain(|at| related(&own, *at).abs() > DIRECT);
         // As far as recorded actions do what random ones do.
         let alike = |at: &&(usize, usize)| related(&own, **at).signum() * related(steps, **at);
         let other_way = pairs.iter().filter(|at| alike(at) < UNRELATED).count();
