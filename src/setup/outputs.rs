@@ -33,7 +33,7 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
         let file = path.display();
         return Err(miette!(
             help = help,
-            "{file}: is no checkpoint of gdg-tui: it is not replaced"
+            "{file}: is not a checkpoint of gdg-tui: it is not replaced"
         ));
     }
     Ok(if own || overwrite {
