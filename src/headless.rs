@@ -342,8 +342,7 @@ fn updates_per_second(trainer: &Trainer) -> f64 {
     if seconds > 0.0 { trainer.counters().updates as f64 / seconds } else { 0.0 }
 }
 
-/// Returns the time between checkpoints: `minutes`, otherwise five; `None` for 0, which saves only
-/// at the end.
+/// Returns the time between checkpoints, by default 5 minutes; `None` for 0: only at the end.
 pub fn save_interval(minutes: Option<f64>) -> Option<Duration> {
     let minutes = minutes.unwrap_or(5.0);
     (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes))

@@ -35,7 +35,7 @@ use gdg::train::{
 /// A length below this share of the usual one says nothing about a method.
 const SHORT: f64 = 0.1;
 
-/// The least time between two lines about evaluations, of which the last one of each job is told.
+/// Least time between two lines about evaluations; the last one of each job is always printed.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
 /// Which jobs run, how, and where.

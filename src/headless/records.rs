@@ -34,6 +34,7 @@ pub enum Record {
         /// Edits to come.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         edit_at: Vec<String>,
+        /// A number, or "auto".
         threads: Value,
         updates: u64,
         #[serde(skip_serializing_if = "Option::is_none")]

@@ -19,7 +19,7 @@ use gdg::train::DataSource;
 /// The longest line of records: none that this program writes is nearly as long.
 const MOST_OF_A_LINE: u64 = 16 << 20;
 
-/// Records begin within so many bytes: what else is written to standard output comes before.
+/// Records begin within this many bytes; other output may come first.
 const MOST_BEFORE_RUNS: u64 = 1 << 20;
 
 const RECORDS: Wanted =

@@ -9,7 +9,7 @@ use crate::learn::networks::mlp::{Activations, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::LearnSettings;
 
-/// Rows whose encoding is fetched while earlier ones are encoded.
+/// How many rows ahead encodings are prefetched.
 pub const ROWS_AHEAD: usize = 2;
 
 /// Input features of states and of (state, goal) pairs.
@@ -152,7 +152,7 @@ impl Encoder {
         self.grid.iter().for_each(|grid| grid.locate_again(places));
     }
 
-    /// Fetches what the encoding of the position at row `i` of `places` reads, if there is one.
+    /// Prefetches what the encoding of the position at row `i` of `places` reads, if there is one.
     pub fn prefetch(&self, table: Option<TableView>, places: &GridReads, i: usize) {
         if let (Some(grid), Some(table)) = (&self.grid, table) {
             grid.prefetch(table, places, i);

@@ -191,19 +191,17 @@ impl GridShape {
         places.weights.extend_from_within(places.weights.len() - reads..);
     }
 
-    /// Fetches what [`Self::encode`] reads for the position at `row` of `places`, if there is one:
-    /// it waits for memory most of the time.
+    /// Prefetches what [`Self::encode`] reads for the position at `row` of `places`, if there is one:
+    /// encoding is bound by memory latency.
     pub fn prefetch(&self, table: TableView, places: &GridReads, row: usize) {
         let reads = self.levels.len() * self.corners_around();
         let corners = places.corners.get(row * reads..(row + 1) * reads).unwrap_or_default();
         for corner in corners {
-            table
-                .lines
-                .get(*corner as usize * table.stride)
-                .iter()
-                .for_each(|line| prefetch(*line));
-            let stored = table.average.and_then(|lazy| lazy.stored.get(*corner as usize));
-            stored.iter().for_each(|stored| prefetch(*stored));
+            let corner = *corner as usize;
+            prefetch(&table.lines[corner * table.stride]);
+            if let Some(lazy) = table.average {
+                prefetch(&lazy.stored[corner]);
+            }
         }
     }
 

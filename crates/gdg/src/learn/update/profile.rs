@@ -61,7 +61,7 @@ pub enum TrainingPhase {
     ActorGradient,
     /// The actor's optimiser step and average.
     ActorStep,
-    /// Waiting for the bridge graph, and putting it in use.
+    /// Waiting for the bridge graph, and putting it to use.
     Graph,
     /// Building the bridge graph and its distances for distillation, on a thread of its own.
     GraphThread,
@@ -90,11 +90,11 @@ impl TrainingPhase {
     }
 }
 
-/// The clock by which phases are timed, where it is not that on the wall: a benchmark may count the
-/// processor time of each thread.
+/// The clock that times phases, if not the wall clock: a benchmark may count the processor time of
+/// each thread.
 pub static PHASE_CLOCK: OnceLock<fn() -> Duration> = OnceLock::new();
 
-/// Returns the time by the clock of phases.
+/// Returns the current time on that clock.
 pub fn phase_time() -> Duration {
     PHASE_CLOCK.get().map_or_else(|| Stopwatch::start().0, |clock| clock())
 }
