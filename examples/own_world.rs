@@ -65,6 +65,7 @@ impl Bead {
             action_dim: 1,
             goal_radius: 0.6,
             position_scale: Some(0.6),
+            contacts: Vec::new(),
         };
         Self { spec, positions: vec![0.0; agents], speeds: vec![0.0; agents] }
     }

@@ -5,6 +5,7 @@
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
 mod abilities;
+mod contact;
 pub mod fetch_reach;
 mod goal_space;
 pub mod gym;
@@ -26,6 +27,7 @@ pub use abilities::{
     Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, MAX_PROBES, Probes,
     Recorded, RecordedStep,
 };
+pub use contact::Contact;
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use goal_space::{GoalSpace, Walls};
 pub use gym::GymOptions;
@@ -185,6 +187,9 @@ pub struct Spec {
     /// scale so that multi-resolution encodings make sense: how large what goals have to get around
     /// is, such as a cell of a maze, in the unit of length.
     pub position_scale: Option<f32>,
+    /// What is close together where the achieved goal begins to move, as far as it has been found out.
+    #[serde(default)]
+    pub contacts: Vec<Contact>,
 }
 
 impl Spec {
@@ -434,6 +439,7 @@ pub(crate) mod tests {
             action_dim: axes.len(),
             goal_radius: 1.0,
             position_scale: Some(1.0),
+            contacts: Vec::new(),
         }
     }
 }

@@ -41,6 +41,7 @@ impl Line {
             action_dim: 1,
             goal_radius: 0.6,
             position_scale: Some(0.6),
+            contacts: Vec::new(),
         };
         Self { spec, positions: vec![0.0; agents], is_elsewhere: false, begun: Vec::new() }
     }

@@ -64,6 +64,8 @@ pub struct Excursions {
     at: Vec<Option<usize>>,
     under_way: Vec<Option<Excursion>>,
     seeks: Vec<Option<Seek>>,
+    /// Whether the last step of each agent has moved the achieved goal.
+    moving: Vec<bool>,
     /// Mean share of agents on an excursion lately, and the number of rounds averaged, at most
     /// [`SHARE_ROUNDS`]; older ones fade.
     spent: (f64, u32),
@@ -80,6 +82,7 @@ impl Excursions {
             at: vec![None; agents],
             under_way: vec![None; agents],
             seeks: vec![None; agents],
+            moving: vec![false; agents],
             spent: (0.0, 0),
         }
     }
@@ -94,7 +97,8 @@ impl Excursions {
         if let Some(seek) = &mut self.seeks[agent] {
             seek.note(goal_has_moved);
         }
-        if goal_has_moved && self.moves.goal_rests() {
+        let was_moving = std::mem::replace(&mut self.moving[agent], goal_has_moved);
+        if goal_has_moved && !was_moving && self.moves.goal_rests() {
             self.goal_moves.push(spec, [state, next], action);
         }
         if self.moves.note(spec, state, next) {
@@ -250,7 +254,7 @@ impl Excursions {
     }
 
     pub fn restore(&mut self, spec: &Spec, stored: Self) -> Result<(), StoreError> {
-        let Self { places, moves, goal_moves, at, under_way, seeks, spent, .. } = stored;
+        let Self { places, moves, goal_moves, at, under_way, seeks, moving, spent, .. } = stored;
         let places = places.restored(spec)?;
         let held_steps = held_steps(&places);
         let known = |place: &usize| *place < places.len();
@@ -260,7 +264,7 @@ impl Excursions {
             });
             held && excursion.left != Some(0)
         };
-        let all_fit = [at.len(), under_way.len(), seeks.len()] == [self.at.len(); 3]
+        let all_fit = [at.len(), under_way.len(), seeks.len(), moving.len()] == [self.at.len(); 4]
             && seeks.iter().flatten().all(|seek| seek.fits(spec))
             && at.iter().flatten().all(known)
             && under_way.iter().flatten().all(fits)
@@ -269,7 +273,7 @@ impl Excursions {
             && goal_moves.fit(spec)
             && spent.1 <= SHARE_ROUNDS;
         StoreError::unless(all_fit, "the stored excursions do not fit the agents")?;
-        *self = Self { places, moves, goal_moves, held_steps, at, under_way, seeks, spent };
+        *self = Self { places, moves, goal_moves, held_steps, at, under_way, seeks, moving, spent };
         Ok(())
     }
 }

@@ -94,6 +94,7 @@ impl FetchReach {
             // They are, but the space is only ten goal radii across: grids just slow learning down
             // (see docs/research/tried.md).
             position_scale: None,
+            contacts: Vec::new(),
         };
         let mut world = Self {
             spec,

@@ -95,6 +95,7 @@ impl PointMaze {
             action_dim: 2,
             goal_radius: map.scale().goal_radius,
             position_scale: Some(map.scale().cell as f32),
+            contacts: Vec::new(),
         };
         Self {
             spec,

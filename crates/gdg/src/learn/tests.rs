@@ -25,6 +25,7 @@ fn spec(state: usize, axes: usize, positions: bool) -> Spec {
         action_dim: axes,
         goal_radius: 0.8,
         position_scale: positions.then_some(1.0),
+        contacts: Vec::new(),
     }
 }
 

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::worker::{EnvDescription, GymWorker};
+use crate::env::contact;
 use crate::env::{EnvError, MAX_MAGNITUDE, RecordedStep, Spec, Walls};
 use crate::store::StoreError;
 
@@ -170,6 +171,10 @@ impl EnvFacts {
                 has_changed = true;
             }
         }
+        if spec.contacts.is_empty() {
+            spec.contacts = contact::find(spec, walks);
+            has_changed |= !spec.contacts.is_empty();
+        }
         has_changed
     }
 
@@ -184,6 +189,7 @@ impl EnvFacts {
             && scales.iter().all(|scale| scale.len() == s && scale.iter().all(within))
             && spec.state_half_range.iter().chain(&spec.change_scale).all(|v| *v >= 0.0)
             && spec.achieved.iter().all(|i| *i < s)
+            && spec.contacts.iter().all(|contact| contact.fits(spec))
             && spec.goal_radius > 0.0
             && within(&spec.goal_radius)
             && self.columns.len() == s
@@ -394,6 +400,7 @@ fn scales(
         action_dim: about.low.len(),
         goal_radius,
         position_scale: None,
+        contacts: Vec::new(),
         achieved,
     };
     for (i, column) in columns.iter().enumerate() {
@@ -622,6 +629,7 @@ pub mod tests {
             action_dim: 1,
             goal_radius: 0.5,
             position_scale: None,
+            contacts: Vec::new(),
         };
         widen(&mut spec);
         // Four components move, and 2.0 is the upper median of their ranges.

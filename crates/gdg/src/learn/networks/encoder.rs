@@ -2,6 +2,7 @@
 //! buffers of a pass through a network.
 
 use std::f32::consts::PI;
+use std::ops::Range;
 
 use crate::env::{MOST_HALF_RANGES, Spec};
 use crate::learn::networks::grid_encoding::{CHANNELS, GridReads, GridShape, TableView};
@@ -9,15 +10,19 @@ use crate::learn::networks::mlp::{Activations, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::LearnSettings;
 
+/// Scales c of what networks read of a contact, in its widths.
+pub const CONTACT_SCALES: [f32; 3] = [1.0, 3.0, 9.0];
+
 /// How many rows ahead encodings are prefetched.
 pub const ROWS_AHEAD: usize = 2;
 
 /// Input features of states and of (state, goal) pairs.
 ///
-/// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` where `u` is the state scaled to [-1, 1] and
-/// `u_a` its achieved goal. A plain pair row is that, the same for the goal, and `tanh((g - s_a) /
-/// c)` for each relative scale c. Plain rows depend on no parameters, so all networks share them. A
-/// network with a grid encoding appends the encoded position(s).
+/// A *plain* state row is `[u | sin, cos(pi 2^l u_a) | tanh(apart / c)]` where `u` is the state scaled
+/// to [-1, 1], `u_a` its achieved goal, and `apart` how far apart the two of each contact are, with
+/// each of [`CONTACT_SCALES`]. A plain pair row is that, the same for the goal but for contacts, and
+/// `tanh((g - s_a) / c)` for each relative scale c. Plain rows depend on no parameters, so all networks
+/// share them. A network with a grid encoding appends the encoded position(s).
 #[derive(Clone, Debug)]
 pub struct Encoder {
     pub spec: Spec,
@@ -63,8 +68,14 @@ impl Encoder {
         self.spec.goal_dim() * 2 * self.octaves
     }
 
+    /// Returns where the contacts are in plain state rows.
+    pub fn contact_columns(&self) -> Range<usize> {
+        let from = self.spec.state_dim() + self.goal_features();
+        from..from + self.spec.contacts.len() * CONTACT_SCALES.len()
+    }
+
     pub fn plain_state_width(&self) -> usize {
-        self.spec.state_dim() + self.goal_features()
+        self.contact_columns().end
     }
 
     pub fn plain_goal_width(&self) -> usize {
@@ -92,6 +103,11 @@ impl Encoder {
         }
         for (k, i) in self.spec.achieved.iter().enumerate() {
             octaves(scaled[*i], &mut fourier[2 * self.octaves * k..][..2 * self.octaves]);
+        }
+        let columns = row[self.contact_columns()].chunks_exact_mut(CONTACT_SCALES.len());
+        for (contact, columns) in self.spec.contacts.iter().zip(columns) {
+            let apart = contact.apart(state);
+            columns.iter_mut().zip(CONTACT_SCALES).for_each(|(v, c)| *v = (apart / c).tanh());
         }
     }
 
@@ -204,6 +220,15 @@ impl Encoder {
         }
         for ((d, half), u) in d_state.iter_mut().zip(&self.spec.state_half_range).zip(row) {
             *d = if *half > 0.0 && u.abs() < MOST_HALF_RANGES { *d / half } else { 0.0 };
+        }
+        let columns = self.contact_columns();
+        let values = row[columns.clone()].chunks_exact(CONTACT_SCALES.len());
+        let gradients = d_row[columns].chunks_exact(CONTACT_SCALES.len());
+        for ((contact, v), d) in self.spec.contacts.iter().zip(values).zip(gradients) {
+            let terms = v.iter().zip(d).zip(CONTACT_SCALES).map(|((t, d), c)| d * (1.0 - t * t) / c);
+            let d = terms.sum::<f32>() / contact.width;
+            d_state[contact.goal] += d;
+            d_state[contact.other] -= contact.slope * d;
         }
         if !self.relative.is_empty() {
             let from = self.plain_pair_width() - goal_dim * self.relative.len();

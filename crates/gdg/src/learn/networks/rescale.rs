@@ -1,5 +1,7 @@
 //! Networks in other scales: what training has seen more of than a first look has wider ranges.
 
+use std::ops::Range;
+
 use crate::env::{MOST_HALF_RANGES, Spec};
 use crate::learn::networks::mlp::Mlp;
 use crate::store::Store;
@@ -37,6 +39,19 @@ pub fn inputs(store: &mut Store, name: &str, mlp: Mlp, [before, now]: [&Spec; 2]
             change(store, name, part, |numbers| {
                 numbers[weights.clone()].iter_mut().for_each(|v| *v *= by);
             });
+        }
+    }
+}
+
+/// Adds the inputs `columns`, of contacts that have been found since, to the saved network `name`,
+/// which has not read them so far: outputs are the same.
+pub fn widen(store: &mut Store, name: &str, mlp: Mlp, columns: Range<usize>) {
+    for part in PARAMETERS.into_iter().chain(MOMENTS.map(|(part, _)| part)) {
+        if let Ok(numbers) = store.numbers(&format!("{name}.{part}")) {
+            let (before, after) = numbers.split_at(columns.start * mlp.hidden);
+            let zeros = vec![0.0; columns.len() * mlp.hidden];
+            let wider = [before, &zeros, after].concat();
+            store.put_numbers(format!("{name}.{part}"), wider);
         }
     }
 }
