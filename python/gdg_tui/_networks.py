@@ -22,15 +22,25 @@ class Encoder:
         self.achieved = np.array(inputs["achieved"], dtype=int)
         self.angles = np.pi * 2.0 ** np.arange(inputs["fourier_octaves"])
         self.rates = np.array(inputs["relative_rates"], dtype=float)
+        # Files of earlier versions have no contacts.
+        self.contacts = inputs.get("contacts", [])
+        self.contact_scales = np.array(inputs.get("contact_scales", []), dtype=float)
 
     def states(self, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns `[u | F(u_a)]`, with u the state scaled to [-1, 1], and its achieved part u_a."""
+        """Returns `[u | F(u_a) | C(s)]`, with u the state scaled to [-1, 1] and C(s) how far contacts are
+        apart, and its achieved part u_a.
+        """
         scaled = np.clip((states - self.centre) * self.scale, -MOST_HALF_RANGES, MOST_HALF_RANGES)
         at = scaled[:, self.achieved]
-        return np.hstack([scaled, self._fourier(at)]), at
+        apart = [
+            (states[:, c["goal"]] - c["slope"] * states[:, c["other"]] - c["offset"]) / c["width"]
+            for c in self.contacts
+        ]
+        contacts = [np.tanh(a[:, None] / self.contact_scales) for a in apart]
+        return np.hstack([scaled, self._fourier(at), *contacts]), at
 
     def pairs(self, states: np.ndarray, goals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns `[u | F(u_a) | w | F(w) | tanh(rate * (goal - achieved))]`, with w the scaled
+        """Returns `[u | F(u_a) | C(s) | w | F(w) | tanh(rate * (goal - achieved))]`, with w the scaled
         goal, and `[u_a, w]`.
         """
         own, at = self.states(states)

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::env::{MAX_MAGNITUDE, Spec};
 
 /// Contacts are looked for in at least this many steps that begin to move the achieved goal.
-const LEAST_BEGINNINGS: usize = 30;
+const LEAST_BEGINNINGS: usize = 20;
 
 /// Components go together if one accounts for at least this share of the other's variance there.
 const LEAST_SHARE: f64 = 0.7;
@@ -18,7 +18,9 @@ pub struct Contact {
     pub goal: usize,
     /// Another component of the state.
     pub other: usize,
+    /// Units of the goal's component for one of the other.
     pub slope: f32,
+    /// The goal's component where the other is 0.
     pub offset: f32,
     /// The root mean square of the difference.
     pub width: f32,
@@ -84,4 +86,42 @@ fn relate(spec: &Spec, states: &[&[f32]], goal: usize, other: usize) -> Option<(
     let [slope, offset, width] = [slope, offset, width].map(|v| v as f32);
     let contact = Contact { goal, other, slope, offset, width };
     contact.fits(spec).then_some((share, contact))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::env::tests::positions;
+
+    /// A finger on a line, a disc that it pushes, and a number without meaning, each in its own order
+    /// and unit; `rests` is how many steps pass between two touches.
+    fn walk(order: [usize; 3], units: [f32; 3], rests: usize) -> Vec<f32> {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut rows = Vec::new();
+        for step in 0..4_000 {
+            let disc = (step / (rests + 1)) as f32 * 7.0 % 10.0;
+            let away = if step % (rests + 1) == rests { 0.4 } else { rng.random_range(-9.0..9.0) };
+            let numbers = [disc + away, disc, rng.random_range(-9.0..9.0)];
+            rows.extend(order.map(|i| units[i] * numbers[i]));
+        }
+        rows
+    }
+
+    #[test]
+    fn what_is_at_an_object_when_it_begins_to_move_is_found_in_any_order_and_unit() {
+        for (order, units) in [([0, 1, 2], [1.0; 3]), ([2, 1, 0], [-3.0, 1.0, 0.1])] {
+            let spec =
+                Spec { achieved: vec![1], ..positions(&[(0.0, 10.0), (0.0, 10.0), (0.0, 10.0)]) };
+            let found = find(&spec, &[&walk(order, units, 9)]);
+            let [contact] = found[..] else { panic!("{found:?}") };
+            assert_eq!((contact.goal, order[contact.other]), (1, 0));
+            assert!((contact.slope - 1.0 / units[0]).abs() < 0.01, "{contact:?}");
+            assert!(contact.fits(&spec) && !Contact { other: 3, ..contact }.fits(&spec));
+            // Where it moves all the time, nothing begins.
+            assert_eq!(find(&spec, &[&walk(order, units, 0)]), []);
+        }
+    }
 }

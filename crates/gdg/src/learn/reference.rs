@@ -7,6 +7,7 @@ use crate::env::Spec;
 use crate::learn::data::batch::{
     Batch, RAISE_FACTOR, RAISE_STEPS, STUCK_BOUND, STUCK_PROGRESS_STEPS,
 };
+use crate::learn::networks::encoder::CONTACT_SCALES;
 use crate::learn::networks::grid_encoding::CHANNELS;
 use crate::learn::networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
@@ -125,7 +126,13 @@ impl<'a> Reference<'a> {
         let u: Vector = state.iter().enumerate().map(|(i, s)| self.scaled(i, *s)).collect();
         let at: Vector = self.spec().achieved.iter().map(|i| u[*i]).collect();
         let [fourier, encoded] = self.features(net, &at);
-        [[u, fourier].concat(), encoded]
+        let contacts = self.spec().contacts.iter().flat_map(|contact| {
+            let [slope, offset, width] =
+                [contact.slope, contact.offset, contact.width].map(f64::from);
+            let apart = (state[contact.goal] - slope * state[contact.other] - offset) / width;
+            CONTACT_SCALES.map(|c| (apart / f64::from(c)).tanh())
+        });
+        [[u, fourier, contacts.collect()].concat(), encoded]
     }
 
     fn pair_inputs(&self, net: &Net, state: &[f64], goal: &[f64]) -> Vector {

@@ -4,7 +4,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::env::Spec;
+use crate::env::{Contact, Spec};
 use crate::learn::data::batch::Batch;
 use crate::learn::network_learner::{GDG, LearnerVariant, NetworkLearner, VARIANTS};
 use crate::learn::networks::policy::{Imagine, Nets};
@@ -25,9 +25,12 @@ fn spec(state: usize, axes: usize, positions: bool) -> Spec {
         action_dim: axes,
         goal_radius: 0.8,
         position_scale: positions.then_some(1.0),
-        contacts: Vec::new(),
+        contacts: if axes < state { vec![CONTACT] } else { Vec::new() },
     }
 }
+
+/// Of a part of the goal and another number.
+const CONTACT: Contact = Contact { goal: 1, other: 0, slope: -0.8, offset: 0.3, width: 1.5 };
 
 /// Makes a batch of all kinds of rows.
 fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
@@ -345,8 +348,8 @@ fn the_exported_actor_is_the_averaged_one() {
 
 #[test]
 fn networks_say_the_same_in_other_scales() {
-    let before = spec(5, 2, true);
-    let mut now = before.clone();
+    let mut now = spec(5, 2, true);
+    let before = Spec { contacts: Vec::new(), ..now.clone() };
     (now.state_centre[3], now.state_half_range[3], now.state_half_range[0]) = (4.0, 20.0, 9.0);
     now.change_scale[4] *= 8.0;
     for variant in &VARIANTS[..4] {
@@ -375,7 +378,8 @@ fn networks_say_the_same_in_other_scales() {
         for averaged in [false, true] {
             let apart = |converted| {
                 let mut store = Store::default();
-                let scales = if converted { &now } else { &before };
+                let own = Spec { contacts: now.contacts.clone(), ..before.clone() };
+                let scales = if converted { &now } else { &own };
                 learner.save_in_scales_of(scales, &mut store).expect("saved");
                 let mut other =
                     NetworkLearner::new(*variant, &now, &settings(16, 24, 2), 1, &mut rng.clone())

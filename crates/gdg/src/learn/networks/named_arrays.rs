@@ -3,7 +3,8 @@
 use candle_core::Result;
 use serde::Serialize;
 
-use crate::learn::networks::encoder::Encoder;
+use crate::env::Contact;
+use crate::learn::networks::encoder::{CONTACT_SCALES, Encoder};
 use crate::learn::networks::grid_encoding::CHANNELS;
 use crate::learn::networks::lookahead::{GOOD_PROGRESS_STEPS, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
@@ -16,10 +17,11 @@ use crate::learn::networks::shapes::Shapes;
 /// arrays by rows, the actor's input is
 ///
 /// ```text
-/// x = [u | F(u_a) | w | F(w) | tanh(rate * (goal - achieved)) for each rate | G(u_a) | G(w)]
+/// x = [u | F(u_a) | C(s) | w | F(w) | tanh(rate * (goal - achieved)) for each rate | G(u_a) | G(w)]
 /// ```
 ///
-/// where `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
+/// where `C(s)` is `tanh(apart / (width * c))` for each contact and each of its scales c, with `apart =
+/// state[goal] - slope * state[other] - offset`, `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
 /// for each component, the relative inputs list all rates of one component before the next, and `G`
 /// reads the grids, if there are any. Then `x = max(0, x @ layerI.weight + layerI.bias)` for each
 /// layer, and the action is `tanh(output.weight @ x + output.bias)`. The Python module `gdg_tui` does
@@ -36,7 +38,7 @@ pub struct ActorExport {
 ///
 /// Critic k is named `criticK.` and has the inputs of the actor; with z its output, its D is
 /// `distance_scale * ln(1 + exp(z))`. D of two critics is `max(a, b) - (1 - pessimism) / 2 * |a -
-/// b|`. The input of `model.` is `[u | F(u_a) | G(u_a) | action]`; with z its output, the next state
+/// b|`. The input of `model.` is `[u | F(u_a) | C(s) | G(u_a) | action]`; with z its output, the next state
 /// is `state + change_scale * z`.
 #[derive(Clone, Debug)]
 pub struct CriticsExport {
@@ -93,6 +95,10 @@ pub struct ActorInputs {
     pub fourier_octaves: usize,
     /// Rates of the relative inputs, in 1 / length.
     pub relative_rates: Vec<f32>,
+    /// Components that are close together where the achieved goal begins to move, and the scales on
+    /// which networks read how far they are apart.
+    pub contacts: Vec<Contact>,
+    pub contact_scales: [f32; 3],
     /// Hidden layers (ReLU).
     pub layers: usize,
     /// Grids: each spans [-1, 1] along every axis and is read by multilinear interpolation;
@@ -110,6 +116,8 @@ impl ActorExport {
             achieved: spec.achieved.clone(),
             fourier_octaves: *octaves,
             relative_rates: relative.clone(),
+            contacts: spec.contacts.clone(),
+            contact_scales: CONTACT_SCALES,
             layers: shapes.actor.layers,
             grids: grid.as_ref().map_or(0, |grid| grid.levels.len()),
         };
