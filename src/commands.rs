@@ -16,11 +16,12 @@ use miette::{Report, miette};
 
 use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
+use crate::process::errors::from_config_error;
 use crate::process::{EXIT_BAD_INPUT, EXIT_FAILURE, logging};
 use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
-use gdg::train::{Registry, reference_page};
+use gdg::train::{Registry, reference_page, setting_page};
 
 /// Why a command failed: the error for the user, and the exit status.
 pub struct CommandFailure {
@@ -47,7 +48,10 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Watch(args)) => runs::watch(&args, registry),
-        Some(Command::Settings) => print(&reference_page()),
+        Some(Command::Settings { names }) if names.is_empty() => print(&reference_page()),
+        Some(Command::Settings { names }) => {
+            text(names.iter().map(|name| setting_page(name).map_err(from_config_error)).collect())
+        }
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
         Some(Command::Suite(options)) => {

@@ -618,6 +618,16 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
 }
 
 #[test]
+fn settings_are_explained_by_name() {
+    let about = |name: &str| gdg().args(["settings", name]).output().unwrap();
+    let found = String::from_utf8(about("n_step").stdout).unwrap();
+    assert!(found.starts_with("n_step: ") && found.contains("Possible: an integer"), "{found}");
+    let unknown = about("nstep");
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("did you mean n_step?"));
+}
+
+#[test]
 fn printed_settings_can_be_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.json");

@@ -125,13 +125,27 @@ pub enum Axis {
     Seconds,
 }
 
-fn next<T: ValueEnum + PartialEq + Copy>(now: T) -> T {
-    let mut all = T::value_variants().iter().cycle().skip_while(|value| **value != now);
-    all.nth(1).copied().unwrap_or(now)
+/// What is drawn along an axis: an option, or chosen by a key.
+pub trait Drawable: ValueEnum + PartialEq + Copy {
+    /// Returns its name on the command line, and on an axis.
+    fn names(self) -> [&'static str; 2];
+
+    fn name(self) -> &'static str {
+        self.names()[0]
+    }
+
+    fn label(self) -> &'static str {
+        self.names()[1]
+    }
+
+    #[must_use]
+    fn next(self) -> Self {
+        let mut all = Self::value_variants().iter().cycle().skip_while(|value| **value != self);
+        all.nth(1).copied().unwrap_or(self)
+    }
 }
 
-impl Measure {
-    /// Returns its name on the command line, and on an axis.
+impl Drawable for Measure {
     fn names(self) -> [&'static str; 2] {
         match self {
             Self::Success => ["success", "success rate"],
@@ -140,20 +154,19 @@ impl Measure {
             Self::Coverage => ["coverage", "share explored"],
         }
     }
+}
 
-    pub fn name(self) -> &'static str {
-        self.names()[0]
+impl Drawable for Axis {
+    fn names(self) -> [&'static str; 2] {
+        match self {
+            Self::Updates => ["updates", "updates"],
+            Self::Steps => ["steps", "environment steps"],
+            Self::Seconds => ["seconds", "seconds of training"],
+        }
     }
+}
 
-    pub fn label(self) -> &'static str {
-        self.names()[1]
-    }
-
-    #[must_use]
-    pub fn next(self) -> Self {
-        next(self)
-    }
-
+impl Measure {
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
@@ -166,28 +179,6 @@ impl Measure {
 }
 
 impl Axis {
-    /// Returns its name on the command line, and on an axis.
-    fn names(self) -> [&'static str; 2] {
-        match self {
-            Self::Updates => ["updates", "updates"],
-            Self::Steps => ["steps", "environment steps"],
-            Self::Seconds => ["seconds", "seconds of training"],
-        }
-    }
-
-    pub fn name(self) -> &'static str {
-        self.names()[0]
-    }
-
-    pub fn label(self) -> &'static str {
-        self.names()[1]
-    }
-
-    #[must_use]
-    pub fn next(self) -> Self {
-        next(self)
-    }
-
     pub fn of(self, at: &EvaluationAt) -> f64 {
         match self {
             Self::Updates => at.updates as f64,

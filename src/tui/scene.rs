@@ -35,6 +35,14 @@ pub enum Scene {
     Space(SpaceState),
 }
 
+/// What a scene is drawn on: `layout` says where things are then, and `cache` what can stay.
+pub struct Drawing<'a, 'b> {
+    pub frame: &'a mut Frame<'b>,
+    pub screen: &'a Screen,
+    pub layout: &'a mut ScreenLayout,
+    pub cache: &'a mut Cache,
+}
+
 /// How a kind of world is shown. Goals and places are `(goal_dim)`.
 pub trait SceneKind {
     fn noun(&self) -> &'static str;
@@ -83,14 +91,7 @@ pub trait SceneKind {
     fn signs(&self, screen: &Screen) -> Vec<Line<'static>>;
 
     /// Draws the scene into the first area, and the line below it into the second.
-    fn draw(
-        &self,
-        frame: &mut Frame,
-        areas: [Rect; 2],
-        screen: &Screen,
-        layout: &mut ScreenLayout,
-        cache: &mut Cache,
-    );
+    fn draw(&self, areas: [Rect; 2], on: Drawing);
 
     fn start(&mut self, screen: &mut Screen);
 

@@ -9,7 +9,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
 use super::ScreenPainter;
-use crate::experiment::plot::Axis;
+use crate::experiment::plot::{Axis, Drawable};
 use crate::tui::layout::ChartArea;
 use crate::tui::pane_text::{fitted_lines, short};
 use crate::tui::screen::Screen;

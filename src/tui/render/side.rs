@@ -130,10 +130,7 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
 /// keys of those that are not selected.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
-    let tabs = Pane::ALL.map(|pane| {
-        let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
-        (screen.keymap.key_of(Action::Show(pane)), name)
-    });
+    let tabs = Pane::ALL.map(|pane| (screen.keymap.key_of(Action::Show(pane)), pane.name()));
     let formats: [fn(&str, &str, bool) -> String; 4] = [
         |key, name, _| format!(" {key} {name} "),
         |key, name, _| format!("{key} {name} "),

@@ -22,7 +22,7 @@ use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 
 use super::RunsScreen;
 use super::list::List;
-use crate::experiment::plot::Measure;
+use crate::experiment::plot::{Drawable, Measure};
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::dialog::Dialog;
