@@ -14,8 +14,8 @@ use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet, table_behind};
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::refuse_existing;
-use gdg::files::{named, read, write_atomically};
+use crate::setup::outputs::{refuse_existing, write_file};
+use gdg::files::{named, read};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 pub use lines::{Grouping, Points, SeedCurves, table};
@@ -269,9 +269,9 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     let mut lines = String::new();
     remove_table(&table)?;
     for (path, figure) in out.iter().zip(figures) {
-        lines += &write(path, &figure)?;
+        lines += &write_file(path, &figure)?;
     }
-    Ok(lines + &write(&table, &drawn.table)?)
+    Ok(lines + &write_file(&table, &drawn.table)?)
 }
 
 /// Rejects figures that are there but not as this program has made them, and a table that is none
@@ -320,15 +320,6 @@ fn beside(path: &Path, name: &str) -> PathBuf {
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     named(folder, path.file_stem().unwrap_or_default(), &format!(".{name}.svg"))
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<String, Report> {
-    let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    written.and_then(|()| write_atomically(path, bytes)).map_err(|error| {
-        let help = "give --out a file in a writable folder";
-        miette!(help = help, "{}: cannot be written: {error}", path.display())
-    })?;
-    Ok(format!("{}\n", path.display()))
 }
 
 pub fn csv_of(head: &[&str], rows: Vec<impl Serialize>) -> Result<Vec<u8>, Report> {

@@ -95,6 +95,16 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     file.map_err(|error| miette!("{}: cannot be written: {error}", path.display()))
 }
 
+/// Writes a file and the folders that it is in; returns a line that says where.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    folder.and_then(|()| files::write_atomically(path, bytes)).map_err(|error| {
+        let help = "give --out a file in a writable folder";
+        miette!(help = help, "{}: cannot be written: {error}", path.display())
+    })?;
+    Ok(format!("{}\n", path.display()))
+}
+
 /// Returns where a file that cannot be saved to `path` goes instead: beside it, as the file itself may
 /// be what cannot be replaced, in `saves/`, or in the user's state folder.
 pub fn elsewhere(path: &Path) -> Vec<PathBuf> {

@@ -218,7 +218,7 @@ impl Theme {
 
     pub fn distance_colour(&self, share: f32) -> Rgb {
         match &self.palette {
-            Some(palette) => palette.distance(share),
+            Some(palette) => at(&palette.distances, share),
             None => self.smooth_distance_colour(share),
         }
     }
@@ -235,7 +235,7 @@ impl Theme {
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).
     pub fn error_colour(&self, error: f32) -> Rgb {
         let share = 0.5 + 0.5 * error.clamp(-1.0, 1.0);
-        self.palette.map_or_else(|| sample(self.error, share), |palette| palette.error(share))
+        self.palette.map_or_else(|| sample(self.error, share), |palette| at(&palette.errors, share))
     }
 
     pub fn contour(&self, ground: Rgb) -> Rgb {
@@ -329,16 +329,6 @@ impl Palette {
         });
         let errors = levels().map(|at| nearest_of_256(error(at), |rgb| is_floor(rgb, wall)));
         Self { wall, unvisited: [between, hatched], distances, contours, errors }
-    }
-
-    /// The colour of a distance, as a share of the farthest shown.
-    pub fn distance(&self, share: f32) -> Rgb {
-        at(&self.distances, share)
-    }
-
-    /// The colour of a relative error, from 0 (too short) to 1 (too long).
-    pub fn error(&self, share: f32) -> Rgb {
-        at(&self.errors, share)
     }
 
     /// Returns the colour of a contour line on the colour of a distance.
