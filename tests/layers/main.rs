@@ -36,7 +36,7 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 676),
-    ("setup", 841),
+    ("setup", 850),
     ("figure", 856),
     ("headless", 957),
     ("experiment", 5_684),
