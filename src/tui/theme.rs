@@ -68,8 +68,6 @@ const HATCH: f32 = 0.5;
 /// How far floor without a path fades into the colour of walls, without and with hatching.
 const CUT_OFF_FADES: [f32; 2] = [0.35, 0.75];
 
-const EDGE_TINT: f32 = 0.65;
-
 /// Names of terminals (`TERM`) with 24-bit colours and with 16, or parts of them: over ssh,
 /// `COLORTERM` is usually lost.
 const NAMES_OF_TRUE: [&str; 6] = ["-direct", "kitty", "alacritty", "foot", "wezterm", "ghostty"];
@@ -256,11 +254,6 @@ impl Theme {
             || blend(self.unknown, self.wall, fade),
             |palette| palette.unvisited[usize::from(is_hatched)],
         )
-    }
-
-    /// Returns the tint of the edge of the known world, and its opacity.
-    pub fn edge(&self) -> (Rgb, f32) {
-        (self.frontier, EDGE_TINT)
     }
 }
 

@@ -245,6 +245,8 @@ const DOORS: [([Cell; 2], Cell); 2] = [
     ([Cell::new(40, 72), Cell::new(47, 79)], Cell::new(36, 76)),
 ];
 
+const SEARCHES_PER_SECOND: f32 = 3.0;
+
 /// How many times as far it must be round a closed door.
 const LONGER: f32 = 2.5;
 
@@ -274,7 +276,7 @@ const fn step(
 pub const STEPS: &[TourStep] = &[
     step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
     step("D bends", [7.0, 25.0], |_, _| {}, bending),
-    step("A bridge", [16.0, 34.0], |_, _| {}, explain_bridge),
+    step("A bridge", [16.0, 45.0], |_, _| {}, explain_bridge),
     step("A plan", [1.5, 16.0], aim_far, plan),
     step("A door closes", [5.0, 24.0], close_door, closed),
     step("Now you", [14.0, 14.0], open_door, now_you),
@@ -332,8 +334,8 @@ fn bending(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
 
 /// Looks for a bridge, and puts start and goal at its ends.
 fn find_bridge(tour: &mut Tour, cx: &mut Cx) {
-    // A search takes a moment, so there is one a second.
-    if (tour.searches as f32) > tour.elapsed {
+    // A search takes a moment.
+    if (tour.searches as f32) > SEARCHES_PER_SECOND * tour.elapsed {
         return;
     }
     tour.searches += 1;
@@ -369,14 +371,16 @@ fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
         let subject = vec![goal];
         return Some(Caption { text: text.to_owned(), subject, ..Caption::default() });
     };
-    let state = if walk.arrived { "is there after" } else { "has taken" };
-    let so = if walk.steps as f32 > direct { ", more than D says: it still learns" } else { "" };
+    // What is seen may still be the walk before.
+    let is_own = walk.start == start && maze.view.goal.1 == cx.screen.goal_request;
+    let steps = if is_own { walk.steps } else { 0 };
+    let state = if is_own && walk.arrived { "is there after" } else { "has taken" };
+    let so = if steps as f32 > direct { ", more than D says: it still learns" } else { "" };
     let text = format!(
         "D(S,G) = {direct:.0} steps, but over B, along the line, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = \
          {:.0}. D is better at short ways than at long ones: a bridge makes one hard task two easier ones. @ walks from S to \
-         G and {state} {} steps{so}. The map shows D(S,.) + D(.,G), least at good bridges.",
-        first + second,
-        walk.steps
+         G and {state} {steps} steps{so}. The map shows D(S,.) + D(.,G), least at good bridges.",
+        first + second
     );
     // Wherever the three are, there is room for the box beside them; a whole line may leave none.
     Some(Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true })

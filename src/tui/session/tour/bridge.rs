@@ -114,11 +114,11 @@ mod tests {
         let world = PointMaze::new(Arc::new(builtin(MAP).expect("a map")), 0);
         let mut trainer = Trainer::new(run(), &world, &Registry::builtin(), 2).expect("a run");
         // On two cores, that is before the tour has waited long for one.
-        while trainer.counters().updates < 4_500 {
+        while trainer.counters().updates < 4_000 {
             trainer.tick().expect("a tick");
         }
         let networks = Snapshot::capture(&trainer).expect("a snapshot").networks.clone();
-        let found = (0..10).filter(|i| find(&networks, world.map(), *i).is_some()).count();
-        assert!(found > 1, "in {found} of 10 samples");
+        let found = (0..40).filter(|i| find(&networks, world.map(), *i).is_some()).count();
+        assert!(found > 2, "in {found} of 40 samples");
     }
 }
