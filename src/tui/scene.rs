@@ -2,7 +2,7 @@
 //! Both are painted on a canvas: `ground` and what lies over it, `overlays`; `legend` has their texts.
 
 mod ground;
-mod legend;
+pub mod legend;
 pub mod maze;
 mod overlays;
 mod space;
@@ -19,12 +19,10 @@ use super::action::{Action, Binding, Mode};
 use super::layout::ScreenLayout;
 use super::pane_text::fact;
 use super::screen::Screen;
-use crate::tui::choices::Overlay;
 use gdg::engine::Snapshot;
 use gdg::env::WorldScene;
 use gdg::train::FilmFrame;
 use gdg::viewer::{Field, Graph, View};
-pub use legend::MEANINGS as WALK_MEANINGS;
 pub use maze::{Cache, MazeState};
 pub use space::SpaceState;
 
@@ -153,8 +151,6 @@ impl DerefMut for Scene {
     }
 }
 
-pub const FIRST_OVERLAY: usize = 2;
-
 impl Scene {
     pub fn of(snapshot: &Snapshot) -> Self {
         match &snapshot.scene {
@@ -226,22 +222,5 @@ impl Scene {
 
     pub fn graph(&self) -> &Graph {
         &self.view().graph
-    }
-
-    pub fn overlays(&self, screen: &Screen) -> impl Iterator<Item = Overlay> {
-        legend::overlays(&**self, screen)
-    }
-
-    pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
-        legend::lines(&**self, screen)
-    }
-
-    pub fn both_walks(&self, screen: &Screen) -> Option<Vec<String>> {
-        legend::both_walks(&**self, screen)
-    }
-
-    /// Returns the lines about the walking agent, with sentences within `width` columns.
-    pub fn walk_lines(&self, screen: &Screen, width: usize) -> Vec<Line<'static>> {
-        legend::walk_lines(&**self, screen, width)
     }
 }
