@@ -219,6 +219,22 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     Ok(path)
 }
 
+/// Saves as [`save`] does, or else in the first of other places that works; returns why, too, if so.
+pub fn save_or_else(
+    trainer: &Trainer,
+    to: &SaveTo,
+    others: impl IntoIterator<Item = SaveTo>,
+) -> Result<(PathBuf, Option<CheckpointError>), CheckpointError> {
+    let why = match save(trainer, to) {
+        Ok(path) => return Ok((path, None)),
+        Err(why) => why,
+    };
+    match others.into_iter().find_map(|to| save(trainer, &to).ok()) {
+        Some(path) => Ok((path, Some(why))),
+        None => Err(why),
+    }
+}
+
 /// Returns the bytes of a checkpoint file, and says how far it is.
 pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
     let Saved { about, history, state } = saved;
@@ -275,7 +291,13 @@ pub fn load_with(
     let threads = threads.into();
     let bytes = files::read(path, most_bytes())
         .map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
-    match parse(&bytes, registry, threads, progress) {
+    progress.begin(1, LOAD_STAGES);
+    let saved = read_saved(&bytes);
+    progress.begin(2, LOAD_STAGES);
+    match saved
+        .map_err(Into::into)
+        .and_then(|saved| Trainer::load(saved, registry, threads, progress))
+    {
         Ok(trainer) => {
             remember(path, facts, &bytes);
             Ok(trainer)
@@ -295,19 +317,7 @@ pub fn from_bytes(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
 ) -> Result<Trainer, TrainError> {
-    parse(bytes, registry, threads, &Job::default())
-}
-
-fn parse(
-    bytes: &[u8],
-    registry: &Arc<Registry>,
-    threads: impl Into<Threads>,
-    progress: &Job,
-) -> Result<Trainer, TrainError> {
-    progress.begin(1, LOAD_STAGES);
-    let saved = read_saved(bytes)?;
-    progress.begin(2, LOAD_STAGES);
-    Trainer::load(saved, registry, threads, progress)
+    Trainer::load(read_saved(bytes)?, registry, threads, &Job::default())
 }
 
 pub fn read_saved(bytes: &[u8]) -> Result<Saved, StoreError> {
