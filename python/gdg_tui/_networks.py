@@ -33,7 +33,7 @@ class Encoder:
         scaled = np.clip((states - self.centre) * self.scale, -MOST_HALF_RANGES, MOST_HALF_RANGES)
         at = scaled[:, self.achieved]
         apart = [
-            (states[:, c["goal"]] - c["slope"] * states[:, c["other"]] - c["offset"]) / c["width"]
+            (states[:, c["other"]] - c["slope"] * states[:, c["goal"]] - c["offset"]) / c["width"]
             for c in self.contacts
         ]
         contacts = [np.tanh(a[:, None] / self.contact_scales) for a in apart]

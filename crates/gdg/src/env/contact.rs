@@ -8,19 +8,20 @@ use crate::env::{MAX_MAGNITUDE, Spec};
 /// Contacts are looked for in at least this many steps that begin to move the achieved goal.
 const LEAST_BEGINNINGS: usize = 20;
 
-/// Components go together if one accounts for at least this share of the other's variance there.
-const LEAST_SHARE: f64 = 0.7;
+/// A component goes with the beginnings of moves if its variance there, once a component of the goal is
+/// accounted for, is at most this share of its variance everywhere.
+const MOST_SHARE: f64 = 0.3;
 
-/// Where the achieved goal begins to move, its component `goal` is about `slope * other + offset`.
+/// Where the achieved goal begins to move, component `other` of the state is about `slope * goal + offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
-    /// A component of the achieved goal.
-    pub goal: usize,
-    /// Another component of the state.
+    /// A component that is not part of the achieved goal.
     pub other: usize,
-    /// Units of the goal's component for one of the other.
+    /// The component of the goal that it goes with most closely.
+    pub goal: usize,
+    /// Units of the one for one of the other; about 0 where it is always the same.
     pub slope: f32,
-    /// The goal's component where the other is 0.
+    /// The one where the other is 0.
     pub offset: f32,
     /// The root mean square of the difference.
     pub width: f32,
@@ -29,7 +30,7 @@ pub struct Contact {
 impl Contact {
     /// Returns how far apart the two are in `state`, in widths.
     pub fn apart(&self, state: &[f32]) -> f32 {
-        (state[self.goal] - self.slope * state[self.other] - self.offset) / self.width
+        (state[self.other] - self.slope * state[self.goal] - self.offset) / self.width
     }
 
     /// Whether it is one of states of `spec`.
@@ -41,51 +42,53 @@ impl Contact {
     }
 }
 
-/// Returns the contacts in `walks`, `(steps, state_dim)` each: for each component of the goal the one
-/// that goes with it most closely. There is none where the goal is the whole state or is always moving.
+/// Returns the contacts in `walks`, `(steps, state_dim)` each. There is none where the goal is the whole
+/// state or is always moving.
 pub fn find(spec: &Spec, walks: &[&[f32]]) -> Vec<Contact> {
     let beginnings: Vec<&[f32]> = walks.iter().flat_map(|walk| beginnings(spec, walk)).collect();
     if beginnings.len() < LEAST_BEGINNINGS {
         return Vec::new();
     }
-    let others = || (0..spec.state_dim()).filter(|j| !spec.achieved.contains(j));
-    let closest = |goal: usize| {
-        let related = others().filter_map(|other| relate(spec, &beginnings, goal, other));
-        related.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, contact)| contact)
-    };
-    spec.achieved.iter().filter_map(|goal| closest(*goal)).collect()
+    let all: Vec<&[f32]> =
+        walks.iter().flat_map(|walk| walk.chunks_exact(spec.state_dim())).collect();
+    let others = (0..spec.state_dim()).filter(|i| !spec.achieved.contains(i));
+    others.filter_map(|other| contact(spec, [&beginnings, &all], other)).collect()
 }
 
 /// Returns the states of `walk` in which the achieved goal begins to move.
 fn beginnings<'a>(spec: &Spec, walk: &'a [f32]) -> Vec<&'a [f32]> {
     let states: Vec<&[f32]> = walk.chunks_exact(spec.state_dim()).collect();
-    let moves: Vec<bool> = states.windows(2).map(|pair| spec.goal_moves(pair[0], pair[1])).collect();
+    let moves: Vec<bool> =
+        states.windows(2).map(|pair| spec.goal_moves(pair[0], pair[1])).collect();
     let begins = |k: &usize| moves[*k] && (*k == 0 || !moves[k - 1]);
     (0..moves.len()).filter(begins).map(|k| states[k]).collect()
 }
 
-/// Returns the share of the variance of component `goal` that `other` accounts for, and their
-/// contact, if the share is large.
-fn relate(spec: &Spec, states: &[&[f32]], goal: usize, other: usize) -> Option<(f64, Contact)> {
-    let mean = |of: &dyn Fn(&[f32]) -> f64| {
-        states.iter().map(|state| of(state)).sum::<f64>() / states.len() as f64
+/// Returns the mean product of components `i` and `j`, each less its mean, and these means.
+fn covariance(states: &[&[f32]], [i, j]: [usize; 2]) -> (f64, [f64; 2]) {
+    let count = states.len() as f64;
+    let means = [i, j].map(|i| states.iter().map(|state| f64::from(state[i])).sum::<f64>() / count);
+    let apart = |state: &[f32], i: usize, mean: f64| f64::from(state[i]) - mean;
+    let products = states.iter().map(|s| apart(s, i, means[0]) * apart(s, j, means[1]));
+    (products.sum::<f64>() / count, means)
+}
+
+/// Returns the contact of component `other`, if there is one: by the component of the goal that accounts
+/// for most of its variance.
+fn contact(spec: &Spec, [beginnings, all]: [&[&[f32]]; 2], other: usize) -> Option<Contact> {
+    let usual = covariance(all, [other; 2]).0;
+    let own = covariance(beginnings, [other; 2]).0;
+    let by = |goal: &usize| {
+        let (both, [mean, goal_mean]) = covariance(beginnings, [other, *goal]);
+        let variance = covariance(beginnings, [*goal; 2]).0;
+        let slope = if variance > 0.0 { both / variance } else { 0.0 };
+        let numbers = [slope, mean - slope * goal_mean, (own - slope * both).max(0.0).sqrt()];
+        let [slope, offset, width] = numbers.map(|v| v as f32);
+        Contact { other, goal: *goal, slope, offset, width }
     };
-    let [y, x] = [goal, other].map(|i| move |state: &[f32]| f64::from(state[i]));
-    let (my, mx) = (mean(&y), mean(&x));
-    let [vy, vx] = [mean(&|s| (y(s) - my).powi(2)), mean(&|s| (x(s) - mx).powi(2))];
-    let both = mean(&|s| (y(s) - my) * (x(s) - mx));
-    let share = both * both / (vx * vy);
-    let varies = vy > f64::from(spec.goal_radius).powi(2);
-    if !varies || share.is_nan() || share < LEAST_SHARE {
-        return None;
-    }
-    // Either may be off, so neither is regressed on the other.
-    let slope = both.signum() * (vy / vx).sqrt();
-    let offset = my - slope * mx;
-    let width = mean(&|s| (y(s) - slope * x(s) - offset).powi(2)).sqrt();
-    let [slope, offset, width] = [slope, offset, width].map(|v| v as f32);
-    let contact = Contact { goal, other, slope, offset, width };
-    contact.fits(spec).then_some((share, contact))
+    let closest = spec.achieved.iter().map(by).min_by(|a, b| a.width.total_cmp(&b.width))?;
+    let is_close = f64::from(closest.width).powi(2) <= MOST_SHARE * usual;
+    (is_close && closest.fits(spec)).then_some(closest)
 }
 
 #[cfg(test)]
@@ -103,7 +106,11 @@ mod tests {
         let mut rows = Vec::new();
         for step in 0..4_000 {
             let disc = (step / (rests + 1)) as f32 * 7.0 % 10.0;
-            let away = if step % (rests + 1) == rests { 0.4 } else { rng.random_range(-9.0..9.0) };
+            let away = if step % (rests + 1) == rests {
+                rng.random_range(-0.4..0.4)
+            } else {
+                rng.random_range(-9.0..9.0)
+            };
             let numbers = [disc + away, disc, rng.random_range(-9.0..9.0)];
             rows.extend(order.map(|i| units[i] * numbers[i]));
         }
@@ -118,7 +125,7 @@ mod tests {
             let found = find(&spec, &[&walk(order, units, 9)]);
             let [contact] = found[..] else { panic!("{found:?}") };
             assert_eq!((contact.goal, order[contact.other]), (1, 0));
-            assert!((contact.slope - 1.0 / units[0]).abs() < 0.01, "{contact:?}");
+            assert!((contact.slope - units[0]).abs() < 0.01, "{contact:?}");
             assert!(contact.fits(&spec) && !Contact { other: 3, ..contact }.fits(&spec));
             // Where it moves all the time, nothing begins.
             assert_eq!(find(&spec, &[&walk(order, units, 0)]), []);

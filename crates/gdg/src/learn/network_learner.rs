@@ -323,7 +323,8 @@ impl Learner for NetworkLearner {
             if shapes.returns.is_none() && k == shapes.critics {
                 rescale::outputs(store, name, network.dense.mlp, specs);
             }
-            let columns = Encoder { spec: spec.clone(), ..shapes.encoder.clone() }.contact_columns();
+            let columns =
+                Encoder { spec: spec.clone(), ..shapes.encoder.clone() }.contact_columns();
             let read = shapes.encoder.contact_columns().end;
             rescale::widen(store, name, network.dense.mlp, read.min(columns.end)..columns.end);
         }

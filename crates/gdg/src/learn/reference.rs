@@ -129,7 +129,7 @@ impl<'a> Reference<'a> {
         let contacts = self.spec().contacts.iter().flat_map(|contact| {
             let [slope, offset, width] =
                 [contact.slope, contact.offset, contact.width].map(f64::from);
-            let apart = (state[contact.goal] - slope * state[contact.other] - offset) / width;
+            let apart = (state[contact.other] - slope * state[contact.goal] - offset) / width;
             CONTACT_SCALES.map(|c| (apart / f64::from(c)).tanh())
         });
         [[u, fourier, contacts.collect()].concat(), encoded]

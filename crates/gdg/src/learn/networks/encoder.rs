@@ -225,10 +225,11 @@ impl Encoder {
         let values = row[columns.clone()].chunks_exact(CONTACT_SCALES.len());
         let gradients = d_row[columns].chunks_exact(CONTACT_SCALES.len());
         for ((contact, v), d) in self.spec.contacts.iter().zip(values).zip(gradients) {
-            let terms = v.iter().zip(d).zip(CONTACT_SCALES).map(|((t, d), c)| d * (1.0 - t * t) / c);
+            let terms =
+                v.iter().zip(d).zip(CONTACT_SCALES).map(|((t, d), c)| d * (1.0 - t * t) / c);
             let d = terms.sum::<f32>() / contact.width;
-            d_state[contact.goal] += d;
-            d_state[contact.other] -= contact.slope * d;
+            d_state[contact.other] += d;
+            d_state[contact.goal] -= contact.slope * d;
         }
         if !self.relative.is_empty() {
             let from = self.plain_pair_width() - goal_dim * self.relative.len();

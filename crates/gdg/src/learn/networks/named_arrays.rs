@@ -21,7 +21,7 @@ use crate::learn::networks::shapes::Shapes;
 /// ```
 ///
 /// where `C(s)` is `tanh(apart / (width * c))` for each contact and each of its scales c, with `apart =
-/// state[goal] - slope * state[other] - offset`, `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
+/// state[other] - slope * state[goal] - offset`, `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
 /// for each component, the relative inputs list all rates of one component before the next, and `G`
 /// reads the grids, if there are any. Then `x = max(0, x @ layerI.weight + layerI.bias)` for each
 /// layer, and the action is `tanh(output.weight @ x + output.bias)`. The Python module `gdg_tui` does
@@ -95,9 +95,9 @@ pub struct ActorInputs {
     pub fourier_octaves: usize,
     /// Rates of the relative inputs, in 1 / length.
     pub relative_rates: Vec<f32>,
-    /// Components that are close together where the achieved goal begins to move, and the scales on
-    /// which networks read how far they are apart.
+    /// See [`crate::env::Spec::contacts`].
     pub contacts: Vec<Contact>,
+    /// Scales of what networks read of a contact, in its widths.
     pub contact_scales: [f32; 3],
     /// Hidden layers (ReLU).
     pub layers: usize,
