@@ -96,6 +96,7 @@ pub fn help_of_lists(keymap: &Keymap) -> Picker {
             Action::Move(_, 1) => "select the next run",
             Action::Move(..) => "select the run before",
             Action::Close => "show all runs again, or unmark them",
+            Action::Help => "this help",
             _ => binding.long,
         };
         action_item(binding, wording, keymap)
