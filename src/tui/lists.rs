@@ -13,8 +13,7 @@ use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;
 use crate::tui::pane_text::clock;
 use crate::tui::render::side::training::MEANINGS as NUMBERS;
-use crate::tui::scene::Scene;
-use crate::tui::scene::legend::MEANINGS as WALK_MEANINGS;
+use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, ThemeName};
 use gdg::bridge::Planner;
@@ -73,7 +72,7 @@ fn help_in(
     let about = |(name, meaning): &(&str, &str)| {
         Item::new(format!("{name}: {meaning}"), "", Choice::Nothing).within("the numbers")
     };
-    let numbers = NUMBERS.iter().chain(WALK_MEANINGS).map(about);
+    let numbers = NUMBERS.iter().chain(legend::MEANINGS).map(about);
     let folder = logging::folder().map(|folder| {
         let label = format!("log files: {}", folder.display());
         Item::new(label, "", Choice::Nothing).within("files of the program")

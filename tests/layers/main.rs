@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 856),
     ("headless", 957),
     ("experiment", 5_684),
-    ("tui", 19_420),
+    ("tui", 19_418),
     ("cli", 641),
     ("commands", 1_019),
 ];
