@@ -45,17 +45,7 @@ pub fn help(screen: &Screen, scene: &Scene) -> Picker {
     help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
 
-pub fn help_of_comparison(
-    screen: &Screen,
-    scene: &Scene,
-    introduction: &str,
-    fields: impl Iterator<Item = Field>,
-) -> Picker {
-    let modes = [Mode::Comparing, Mode::EditingBoth];
-    help_in(&modes, screen, scene, introduction, fields.map(field_item))
-}
-
-fn help_in(
+pub fn help_in(
     modes: &[Mode],
     screen: &Screen,
     scene: &Scene,
@@ -110,7 +100,7 @@ fn action_item(b: &Binding, label: impl Into<String>, keymap: &Keymap) -> Item {
     Item { words, ..Item::new(label, keys, Choice::Act(b.action)) }
 }
 
-fn field_item(field: Field) -> Item {
+pub fn field_item(field: Field) -> Item {
     Item {
         words: field.words().to_owned(),
         ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
