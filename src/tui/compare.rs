@@ -323,7 +323,9 @@ impl Comparison {
         let introduction = contenders::introduction(about);
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let help = lists::help_of_comparison(&cx.screen, &cx.scene, &introduction, fields);
+        let modes = [Mode::Comparing, Mode::EditingBoth];
+        let fields = fields.map(lists::field_item);
+        let help = lists::help_in(&modes, &cx.screen, &cx.scene, &introduction, fields);
         self.sessions[0].open(help);
     }
 
