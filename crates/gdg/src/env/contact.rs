@@ -12,6 +12,10 @@ const LEAST_BEGINNINGS: usize = 20;
 /// accounted for, is at most this share of its variance everywhere.
 const MOST_SHARE: f64 = 0.3;
 
+/// It goes along with a component of the goal that accounts for at least this share of its variance there;
+/// otherwise it has one place.
+const LEAST_RELATED: f64 = 0.7;
+
 /// Where the achieved goal begins to move, component `other` of the state is about `slope * goal + offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Contact {
@@ -19,7 +23,7 @@ pub struct Contact {
     pub other: usize,
     /// The component of the goal that it goes with most closely.
     pub goal: usize,
-    /// Units of the one for one of the other; about 0 where it is always the same.
+    /// Units of the one for one of the other; 0 where it is always at the same place.
     pub slope: f32,
     /// The one where the other is 0.
     pub offset: f32,
@@ -81,7 +85,8 @@ fn contact(spec: &Spec, [beginnings, all]: [&[&[f32]]; 2], other: usize) -> Opti
     let by = |goal: &usize| {
         let (both, [mean, goal_mean]) = covariance(beginnings, [other, *goal]);
         let variance = covariance(beginnings, [*goal; 2]).0;
-        let slope = if variance > 0.0 { both / variance } else { 0.0 };
+        let goes_along = both * both >= LEAST_RELATED * own * variance;
+        let slope = if goes_along && variance > 0.0 { both / variance } else { 0.0 };
         let numbers = [slope, mean - slope * goal_mean, (own - slope * both).max(0.0).sqrt()];
         let [slope, offset, width] = numbers.map(|v| v as f32);
         Contact { other, goal: *goal, slope, offset, width }
@@ -125,7 +130,7 @@ mod tests {
             let found = find(&spec, &[&walk(order, units, 9)]);
             let [contact] = found[..] else { panic!("{found:?}") };
             assert_eq!((contact.goal, order[contact.other]), (1, 0));
-            assert!((contact.slope - units[0]).abs() < 0.01, "{contact:?}");
+            assert!((contact.slope / units[0] - 1.0).abs() < 0.01, "{contact:?}");
             assert!(contact.fits(&spec) && !Contact { other: 3, ..contact }.fits(&spec));
             // Where it moves all the time, nothing begins.
             assert_eq!(find(&spec, &[&walk(order, units, 0)]), []);
