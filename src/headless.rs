@@ -145,6 +145,8 @@ impl HeadlessRun<'_> {
             let interrupted = (EndReason::Interrupted, None);
             let Some(facts) = run.facts()? else { return Ok(interrupted) };
             print(&Record::start(&run.setup, run.options, facts))?;
+            let warned = |text: &String| Record::warning(&run.setup.trainer, text.clone());
+            run.setup.warnings.iter().try_for_each(|text| print(&warned(text)))?;
             let reason = run.train()?;
             if reason == EndReason::Interrupted {
                 return Ok(interrupted);
@@ -185,6 +187,12 @@ impl HeadlessRun<'_> {
                 TrainingEvent::Ticked(_) => self.progress.show(trainer),
                 TrainingEvent::Ended(reason) => return Ok(reason),
                 TrainingEvent::Recovery(recovery) => report_recovery(recovery)?,
+                TrainingEvent::Warned => {
+                    for text in trainer.take_warnings() {
+                        eprint_line(&text);
+                        print(&Record::warning(trainer, text))?;
+                    }
+                }
                 TrainingEvent::Progress => {
                     print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
                     self.table.iter_mut().for_each(|table| table.add(trainer, None));

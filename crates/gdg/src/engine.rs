@@ -18,7 +18,7 @@ use tokio::sync::watch;
 
 use crate::env::EnvError;
 use crate::job::{Job, Running, Stopwatch};
-use crate::text::grouped;
+use crate::text::{grouped, sanitized};
 use crate::train::{
     EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Tick, TrainError,
     Trainer, TrainingEvent, TrainingLoop,
@@ -262,6 +262,10 @@ impl TrainingThread {
             let tick = loop {
                 match self.session.next(&mut self.trainer, &self.current.limits)? {
                     TrainingEvent::Recovery(recovery) => self.on_recovery(recovery),
+                    TrainingEvent::Warned => {
+                        let warnings = self.trainer.take_warnings();
+                        self.report(sanitized(&warnings.join("; ")));
+                    }
                     TrainingEvent::Evaluation => self.evaluation_is_due = true,
                     TrainingEvent::Edit => self.make_edit()?,
                     TrainingEvent::Progress | TrainingEvent::Save => {}

@@ -6,6 +6,7 @@
 
 mod abilities;
 pub mod fetch_reach;
+mod first_look;
 mod goal_space;
 pub mod gym;
 pub mod maze;
@@ -27,6 +28,7 @@ pub use abilities::{
     Recorded, RecordedStep,
 };
 pub use fetch_reach::{ArmScene, FetchReach};
+pub(crate) use first_look::{Agreement, DirectEffect, FirstLook, direct_effects, share};
 pub use goal_space::{GoalSpace, Walls};
 pub use gym::GymOptions;
 pub use maze::PointMaze;

@@ -59,6 +59,8 @@ struct Queue {
     /// Whether the thread is writing what it took, and the number of bytes written so far.
     is_writing: bool,
     written: usize,
+    /// Whether an error has cut off a line, so that the next one begins with an end of it.
+    is_torn: bool,
     /// The latest unreported error.
     error: Option<io::Error>,
     /// Whether the thread runs; `None` before the first byte.
@@ -85,6 +87,7 @@ impl OutputStream {
             bytes: Vec::new(),
             is_writing: false,
             written: 0,
+            is_torn: false,
             error: None,
             has_thread: None,
             latest: None,
@@ -186,11 +189,14 @@ impl OutputStream {
     }
 
     fn write_queued(&self, queue: &mut MutexGuard<Queue>) {
-        let taken = std::mem::take(&mut queue.bytes);
+        let end = if queue.is_torn { "\n" } else { "" };
+        let taken = [end.as_bytes(), &std::mem::take(&mut queue.bytes)].concat();
         queue.is_writing = true;
-        let began = Instant::now();
+        let (before, began) = (queue.written, Instant::now());
         let outcome = MutexGuard::unlocked(queue, || self.write_all(&taken));
         queue.is_writing = false;
+        let last = taken[..queue.written - before].last();
+        queue.is_torn = outcome.is_err() && last.map_or(queue.is_torn, |last| *last != b'\n');
         queue.latest = Some((Instant::now(), began.elapsed()));
         queue.error = outcome.err().or(queue.error.take());
         self.changed.notify_all();
@@ -276,8 +282,11 @@ mod tests {
         static STREAM: OutputStream = OutputStream::new("test", |bytes| {
             let _open = GATE.lock();
             let n = bytes.len().min(3);
+            if bytes[..n].contains(&b'!') {
+                return Err(ErrorKind::StorageFull.into());
+            }
             READ.lock().extend_from_slice(&bytes[..n]);
-            if bytes.starts_with(b"!") { Err(ErrorKind::StorageFull.into()) } else { Ok(n) }
+            Ok(n)
         });
         let closed = GATE.lock();
         let began = Instant::now();
@@ -289,8 +298,13 @@ mod tests {
         drop(closed);
         STREAM.flush().expect("written");
         assert_eq!(String::from_utf8_lossy(&READ.lock()), lines.concat());
-        let printed = STREAM.print(b"!").and_then(|()| STREAM.flush());
-        assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);
-        assert!(STREAM.print(b"b").and_then(|()| STREAM.flush()).is_ok());
+        // A disk that is full in the middle of a line, and then not any more.
+        for torn in ["{cut!off}\n", "!\n"] {
+            let printed = STREAM.print(torn.as_bytes()).and_then(|()| STREAM.flush());
+            assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);
+        }
+        assert!(STREAM.print(b"{whole}\n").and_then(|()| STREAM.flush()).is_ok());
+        let all = READ.lock().split_off(lines.concat().len());
+        assert_eq!(String::from_utf8_lossy(&all), "{cu\n{whole}\n");
     }
 }

@@ -4,6 +4,7 @@
 
 mod checkpoint;
 mod dataset;
+mod doubts;
 mod evaluate;
 mod film;
 mod history;

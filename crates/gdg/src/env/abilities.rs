@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value};
 
-use super::{EnvError, Environment, GroundTruth, Region, Task, TaskSet, WorldScene};
+use super::{EnvError, Environment, FirstLook, GroundTruth, Region, Task, TaskSet, WorldScene};
 use crate::store::Store;
 
 /// The abilities of a world; by default none.
@@ -64,9 +64,9 @@ pub trait Recorded {
         None
     }
 
-    /// Says why recorded steps may not be of this world.
-    fn doubts(&self, _steps: &[RecordedStep]) -> Vec<String> {
-        Vec::new()
+    /// Returns what a first look has found, by which other steps can be judged.
+    fn first_look(&self) -> Option<FirstLook<'_>> {
+        None
     }
 
     /// Turns a state of a file of recorded transitions into one of the world, if files have another

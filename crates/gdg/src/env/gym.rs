@@ -53,6 +53,15 @@ const TASKS_AT_ONCE: usize = 16;
 /// In the place of a checksum: whatever comes out of an episode is right.
 const UNCHECKED: f64 = -1.0;
 
+/// What is said once.
+const NEW_EPISODES: &str = "the agents begin new episodes";
+const OTHER_SUCCESS: &str =
+    "its own success is not what the goal radius says (--goal-radius sets another)";
+
+/// An environment's own word on whether a goal is reached counts where the distance is not the goal radius
+/// to within this share of it.
+const UNSURE: f32 = 0.1;
+
 /// Tasks count from 1.
 const NO_TASK: f64 = 0.0;
 
@@ -69,6 +78,8 @@ struct Stored {
 struct Episode {
     seed: u32,
     task: Option<u32>,
+    /// What the environment asks for.
+    goal: Vec<f32>,
     /// `(steps, action_dim)`, in [-1, 1].
     actions: Vec<f32>,
     /// CRC-32 of all that has come out: goal, observations, what was achieved, and the end.
@@ -163,13 +174,24 @@ impl Gym {
         let (row, goal) = self.with_worker(agent, |worker, environment| {
             worker.reset(&pool.about, environment, seed, task)
         })?;
-        let mut episode = Episode { seed, task, ..Episode::default() };
+        let own: Vec<f32> = self.found.goal_columns.iter().map(|column| goal[*column]).collect();
+        let mut episode = Episode { seed, task, goal: own.clone(), ..Episode::default() };
         episode.add(&goal);
         episode.add(&row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
         self.set_state(agent, &self.state(&row));
-        Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
+        Ok(own)
+    }
+
+    /// Warns where the environment has told otherwise of its own goal than the goal radius says.
+    fn compare(&self, state: &[f32], goal: &[f32], told: bool) {
+        let (radius, distance) = (self.spec().goal_radius, self.spec().goal_distance(state, goal));
+        let by = if told { distance / radius - 1.0 } else { 1.0 - distance / radius };
+        if by > UNSURE && !self.pool.moves_goal {
+            let why = format!("{told} at a distance of {distance}, where the radius is {radius}");
+            self.pool.warn_once(OTHER_SUCCESS, &why);
+        }
     }
 
     fn set_state(&mut self, agent: usize, state: &[f32]) {
@@ -188,7 +210,7 @@ impl Gym {
                 actions.extend(action);
                 worker.step(&pool.about, &actions)
             })?;
-            let Some((row, ended)) = stepped.pop() else { continue };
+            let Some((row, ended, _)) = stepped.pop() else { continue };
             self.episodes[agent].step(action, &row, ended);
             self.ended[agent] = ended;
             self.set_state(agent, &self.state(&row));
@@ -296,11 +318,14 @@ impl Environment for Gym {
         for (worker, agents) in self.workers.get_mut() {
             all.extend(worker.end_step(&self.pool.about, agents.len())?);
         }
-        for (agent, (action, (row, ended))) in actions.chunks_exact(a).zip(all).enumerate() {
+        for (agent, (action, (row, ended, told))) in actions.chunks_exact(a).zip(all).enumerate() {
             if !self.retired[agent] && !self.ended[agent] {
                 self.episodes[agent].step(action, &row, ended);
                 self.ended[agent] = ended;
-                self.set_state(agent, &self.state(&row));
+                let state = self.state(&row);
+                self.set_state(agent, &state);
+                told.into_iter()
+                    .for_each(|told| self.compare(&state, &self.episodes[agent].goal, told));
             }
         }
         Ok(())
@@ -341,7 +366,7 @@ impl Environment for Gym {
         if !self.is_open || self.has_failed() {
             return full;
         }
-        let Episode { seed, task, actions, checksum } = &self.episodes[agent];
+        let Episode { seed, task, actions, checksum, .. } = &self.episodes[agent];
         let longest = self.episodes.iter().map(|episode| episode.actions.len()).max();
         let head = [*seed, task.unwrap_or(0), *checksum, actions.len() as u32];
         full.extend(head.map(f64::from));
@@ -357,7 +382,7 @@ impl Environment for Gym {
             return Ok(true);
         }
         let [seed, task, checksum, length, actions @ ..] = rest else {
-            self.pool.warn_of_new_episode("it had failed when the run was saved");
+            self.pool.warn_once(NEW_EPISODES, "it had failed when the run was saved");
             return Ok(false);
         };
         let tasks = self.pool.about.tasks.unwrap_or(0);
@@ -366,6 +391,7 @@ impl Environment for Gym {
             task: Some(*task as u32).filter(|task| (1..=tasks).contains(task)),
             actions: as_f32(&actions[..actions.len().min(*length as usize)]).collect(),
             checksum: *checksum as u32,
+            ..Episode::default()
         };
         let steps = counted((episode.actions.len() / self.spec().action_dim) as u64, "step");
         let why = match self.repeat(agent, &episode) {
@@ -382,7 +408,7 @@ impl Environment for Gym {
             }
             Err(error) => return Err(error),
         };
-        self.pool.warn_of_new_episode(&why);
+        self.pool.warn_once(NEW_EPISODES, &why);
         Ok(false)
     }
 

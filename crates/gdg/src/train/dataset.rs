@@ -47,9 +47,6 @@ const CHUNK: u64 = 1 << 20;
 /// How far actions may lie beyond [-1, 1], by rounding.
 const ACTION_TOLERANCE: f32 = 1e-3;
 
-/// A step leads far whose square is this multiple of that of nearly all others.
-const FAR: f32 = 4.0;
-
 /// Where a run's data comes from. A checkpoint keeps this, and no copy of the data.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DataSource {
@@ -72,7 +69,7 @@ pub struct Dataset {
     /// The row after each episode's last one.
     ends: Vec<usize>,
     /// Whether no row ends an episode, so that all are taken for one.
-    pub is_endless: bool,
+    pub(super) is_endless: bool,
 }
 
 impl Dataset {
@@ -194,33 +191,16 @@ impl Dataset {
         starts.zip(&self.ends).map(move |(start, end)| &self.states[start * width..end * width])
     }
 
-    /// Returns at most `most` steps, evenly spread.
-    pub fn steps(&self, most: usize) -> Vec<RecordedStep<'_>> {
+    /// Returns at most `most` steps, evenly spread, each with the number of its episode.
+    pub(super) fn steps(&self, most: usize) -> Vec<(usize, RecordedStep<'_>)> {
         let (every, width) = (self.source.transitions.div_ceil(most), self.sizes.action);
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        let rows = starts.zip(&self.ends).flat_map(|(start, end)| start..end - 1).step_by(every);
+        let rows = starts.zip(&self.ends).enumerate().flat_map(|(episode, (start, end))| {
+            (start..end - 1).map(move |row| (episode + 1, row))
+        });
         let action = |row: usize| &self.actions[row * width..(row + 1) * width];
-        rows.map(|row| [self.state(row), action(row), self.state(row + 1)]).collect()
-    }
-
-    /// Whether the first or the last steps of most episodes lead farther than hardly any other: from one
-    /// episode to the next.
-    pub fn ends_are_off(&self) -> bool {
-        let width = self.sizes.state;
-        let (mut edges, mut inner) = ([Vec::new(), Vec::new()], Vec::new());
-        for walk in self.walks() {
-            let pairs = walk.chunks_exact(width).zip(walk.chunks_exact(width).skip(1));
-            let change = |(a, b): (&f32, &f32)| (a - b) * (a - b);
-            let lengths = pairs.map(|(from, to)| from.iter().zip(to).map(change).sum::<f32>());
-            if let [first, others @ .., last] = &lengths.collect::<Vec<_>>()[..] {
-                edges.iter_mut().zip([first, last]).for_each(|(edge, length)| edge.push(*length));
-                inner.extend(others);
-            }
-        }
-        inner.sort_by(f32::total_cmp);
-        let Some(usual) = inner.get(inner.len() * 99 / 100) else { return false };
-        let is_far = |length: &&f32| **length > FAR * usual;
-        edges.iter().any(|edge| 2 * edge.iter().filter(is_far).count() > edge.len())
+        let step = |row: usize| [self.state(row), action(row), self.state(row + 1)];
+        rows.step_by(every).map(|(episode, row)| (episode, step(row))).collect()
     }
 
     pub fn state(&self, row: usize) -> &[f32] {

@@ -46,8 +46,8 @@ struct AgentPlan {
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Round {
-    before: Vec<f32>,
-    actions: Vec<f32>,
+    pub before: Vec<f32>,
+    pub actions: Vec<f32>,
     /// Whether the world computes it elsewhere, or when it is asked for the outcome.
     elsewhere: bool,
     /// Set once the agents are where it leads: whose episodes the world has ended.

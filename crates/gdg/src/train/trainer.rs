@@ -12,11 +12,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::TrainError;
+use super::doubts::EffectWatch;
 use super::evaluate::EvaluationJob;
 use super::film::Film;
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
-use super::rollout::{Rollout, RoundResult, StepContext};
+use super::rollout::{Rollout, Round, RoundResult, StepContext};
 use super::run::{Counters, EndReason, Limits, Pace, Run, Tick};
 use super::score::Evaluation;
 use super::settings::UpdateWhen;
@@ -83,6 +84,9 @@ pub struct Trainer {
     /// Counters and seconds at the first update in this process, or with these settings, and then at
     /// the first one with a bridge graph if the run needs one: whether no graph is still to come.
     paced_from: Option<(Counters, f64, bool)>,
+    effect_watch: EffectWatch,
+    /// What users should know and have not been told yet.
+    warnings: Vec<String>,
     job: Job,
 }
 
@@ -162,6 +166,8 @@ impl Trainer {
             in_update: false,
             edits: Vec::new(),
             paced_from: None,
+            effect_watch: EffectWatch::default(),
+            warnings: Vec::new(),
             job: Job::default(),
             learner,
             registry: registry.clone(),
@@ -381,6 +387,10 @@ impl Trainer {
 
     fn finish_step(&mut self) -> Result<RoundResult> {
         self.wait_for_world()?;
+        if let Some(Round { before, actions, .. }) = &self.rollout.round {
+            let (world, steps) = (&*self.rollout.env, self.counters.env_steps);
+            self.warnings.extend(self.effect_watch.note(world, (before, actions), steps));
+        }
         let round = self.with_step_context(Rollout::finish)?;
         if self.candidates.others() != self.told_apart_by() {
             self.tell_more_apart()?;

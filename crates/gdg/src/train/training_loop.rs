@@ -34,6 +34,8 @@ pub struct Schedule {
 pub enum TrainingEvent {
     /// Training was rolled back to earlier networks.
     Recovery(Recovery),
+    /// The trainer has warnings for the user.
+    Warned,
     /// Progress is to be reported.
     Progress,
     /// The next of the trainer's edits is to be made.
@@ -99,6 +101,7 @@ impl TrainingLoop {
             ticked => ticked?,
         };
         self.due.extend(trainer.take_recovery().map(TrainingEvent::Recovery));
+        self.due.extend(trainer.look_for_warnings().then_some(TrainingEvent::Warned));
         let updates = (tick == Tick::Update).then(|| trainer.counters().updates);
         if let Some(updates) = updates {
             let progress = self.schedule.progress_every_updates;

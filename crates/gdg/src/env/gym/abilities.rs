@@ -6,9 +6,11 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
+use super::{
+    Address, EnvDescription, EnvFacts, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED,
+};
 use crate::env::{
-    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, RecordedStep,
+    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, FirstLook, GoalSpace, Recorded,
     Spec, Task, TaskSet, WorldScene,
 };
 use crate::store::Store;
@@ -79,8 +81,10 @@ impl Recorded for Gym {
         std::mem::take(&mut *self.pool.warnings.lock())
     }
 
-    fn doubts(&self, steps: &[RecordedStep]) -> Vec<String> {
-        self.found.doubts(&self.pool.about, steps)
+    fn first_look(&self) -> Option<FirstLook<'_>> {
+        let (EnvFacts { effects, columns, .. }, about) = (&*self.found, &self.pool.about);
+        let EnvDescription { bounds, low, high, .. } = about;
+        Some(FirstLook { effects, columns, bounds, low, high })
     }
 
     fn save(&self, store: &mut Store) {

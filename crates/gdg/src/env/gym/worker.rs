@@ -255,8 +255,9 @@ impl EnvDescription {
     }
 }
 
-/// What a step leads to: a row, and whether the episode has ended.
-pub type Stepped = (Vec<f32>, bool);
+/// What a step leads to: a row, whether the episode has ended, and whether the environment says that its
+/// goal is reached, if it says anything.
+pub type Stepped = (Vec<f32>, bool, Option<bool>);
 
 /// What a worker says of an exception.
 #[derive(Debug, Deserialize)]
@@ -344,7 +345,7 @@ impl GymWorker {
         self.send(Message::Reset, &bytes(numbers))?;
         let reply = self.numbers(Message::Reset, about.row() + 1 + about.goal)?;
         let (row, goal) = reply.split_at(about.row() + 1);
-        let (row, _) = self.checked(about, "reset", row)?;
+        let (row, ..) = self.checked(about, "reset", row)?;
         let goal: Vec<f32> = goal.iter().map(|v| *v as f32).collect();
         if goal.iter().all(|v| v.abs() <= MAX_MAGNITUDE) {
             return Ok((row, goal));
@@ -388,11 +389,12 @@ impl GymWorker {
         during: &str,
         row: &[f64],
     ) -> Result<Stepped, EnvError> {
-        let (ended, row) = row.split_last().unwrap_or((&0.0, &[]));
+        let (flags, row) = row.split_last().unwrap_or((&0.0, &[]));
+        let has = |flag: u8| *flags as u8 & flag != 0;
         let row: Vec<f32> = row.iter().map(|v| *v as f32).collect();
         let Some(i) = row.iter().position(|v| v.is_nan() || v.abs() > MAX_MAGNITUDE) else {
-            self.moves_goal |= *ended >= 2.0;
-            return Ok((row, *ended % 2.0 != 0.0));
+            self.moves_goal |= has(2);
+            return Ok((row, has(1), has(4).then(|| has(8))));
         };
         let (part, component) = match i.checked_sub(about.observed) {
             Some(component) => ("achieved_goal", component),

@@ -4,7 +4,6 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -121,8 +120,10 @@ pub struct Pool {
     pub job: Arc<Mutex<Job>>,
     /// What its users should know and have not been told yet.
     pub warnings: Mutex<Vec<String>>,
-    /// Whether it has been said that an episode could not be repeated.
-    said: AtomicBool,
+    /// Whether its desired goal moves within episodes.
+    pub moves_goal: bool,
+    /// Warnings that are given once.
+    said: Mutex<Vec<&'static str>>,
     pub idle: Mutex<Vec<GymWorker>>,
 }
 
@@ -138,7 +139,9 @@ impl Pool {
         let (mut worker, about) = start(&address, options, &job)?;
         let another = |why| failed(&address.id, why, Vec::new());
         let (found, warnings) = if let Some((found, was)) = kept {
-            (found, about.changes_since(&was).map_err(another)?)
+            let mut changes = about.changes_since(&was).map_err(another)?;
+            changes.extend(found.leads_elsewhere(&mut worker, &about)?);
+            (found, changes)
         } else {
             let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
             let (found, reached) = facts::find(&mut worker, &about, goal, radius)?;
@@ -148,7 +151,7 @@ impl Pool {
             (found, about.warnings().chain(reached).chain(moves).collect())
         };
         let (mut pool, found) = Self::only_read(address, options, about, found)?;
-        pool.job = job;
+        (pool.job, pool.moves_goal) = (job, worker.moves_goal);
         pool.idle.lock().push(worker);
         warnings.iter().for_each(|warning| pool.warn(warning));
         Ok((pool, found))
@@ -168,7 +171,8 @@ impl Pool {
             about,
             job: Arc::default(),
             warnings: Mutex::default(),
-            said: AtomicBool::new(false),
+            moves_goal: false,
+            said: Mutex::default(),
             idle: Mutex::default(),
         };
         Ok((pool, found))
@@ -180,10 +184,12 @@ impl Pool {
         self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));
     }
 
-    /// Warns, once, that an agent begins a new episode, and why.
-    pub fn warn_of_new_episode(&self, why: &str) {
-        if !self.said.swap(true, Ordering::Relaxed) {
-            self.warn(&format!("the agents begin new episodes: {why}"));
+    /// Warns of `what`, once, and why.
+    pub fn warn_once(&self, what: &'static str, why: &str) {
+        let mut said = self.said.lock();
+        if !said.contains(&what) {
+            said.push(what);
+            self.warn(&format!("{what}: {why}"));
         }
     }
 
