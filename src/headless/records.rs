@@ -83,11 +83,8 @@ pub enum Record {
         path: String,
     },
     Recovery(Recovery),
-    Warning {
-        updates: u64,
-        env_steps: u64,
-        text: String,
-    },
+    /// What the user is told, and when.
+    Warning(Value),
     End {
         reason: EndReason,
         seconds: f64,
@@ -176,11 +173,6 @@ impl Record {
     pub fn saved(trainer: &Trainer, path: &Path) -> Self {
         let path = path.to_string_lossy().into_owned();
         Self::Saved { updates: trainer.counters().updates, path }
-    }
-
-    pub fn warning(trainer: &Trainer, text: String) -> Self {
-        let Moment { updates, env_steps, .. } = trainer.moment();
-        Self::Warning { updates, env_steps, text }
     }
 
     pub fn end(reason: EndReason, trainer: &Trainer) -> Self {

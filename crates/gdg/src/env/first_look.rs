@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::RecordedStep;
+use super::{Environment, Recorded, RecordedStep};
+use crate::text::grouped;
 
 /// What goes with an action as closely as `DIRECT` is moved by it at once; what goes with it no more
 /// closely than `UNRELATED`, or the other way, is not.
@@ -11,6 +12,9 @@ const UNRELATED: f64 = 0.1;
 
 /// What differs by no more than this share of its size is constant.
 const ROUNDING: f64 = 1e-9;
+
+/// Steps of agents that are judged together.
+const JUDGED_STEPS: usize = 2_000;
 
 /// Share of the steps whose changes count in full; larger ones as these, as an impact changes a velocity
 /// by far more than any action.
@@ -91,6 +95,43 @@ impl Agreement {
     pub fn is_lost(&self) -> bool {
         let known: Vec<f64> = self.sums.iter().filter_map(Sums::correlation).collect();
         2 * known.iter().filter(|known| **known < UNRELATED).count() > known.len()
+    }
+}
+
+/// Watches whether actions still do what they did in the first look.
+#[derive(Debug, Default)]
+pub struct EffectWatch {
+    recent: Agreement,
+    has_said: bool,
+}
+
+impl EffectWatch {
+    /// Adds a round of agents' steps, after so many `steps` of the run; says, once, that actions have no
+    /// effect any more.
+    pub fn note(
+        &mut self,
+        world: &dyn Environment,
+        (before, actions): (&[f32], &[f32]),
+        steps: u64,
+    ) -> Option<String> {
+        let look = world.abilities().recorded.and_then(Recorded::first_look)?;
+        let (s, a) = (world.spec().state_dim(), world.spec().action_dim);
+        let moves = before.chunks_exact(s).zip(world.states().chunks_exact(s));
+        for ((from, to), action) in moves.zip(actions.chunks_exact(a)) {
+            self.recent.add(look.effects, [from, action, to]);
+        }
+        if self.recent.steps < JUDGED_STEPS {
+            return None;
+        }
+        let judged = std::mem::take(&mut self.recent);
+        let what = match judged.has_moved {
+            false => "nothing that actions move has moved",
+            true if judged.is_lost() => "actions no longer lead where they led",
+            true => return None,
+        };
+        let since = grouped(steps.saturating_sub(judged.steps as u64));
+        let said = std::mem::replace(&mut self.has_said, true);
+        (!said).then(|| format!("warning: {}: {what} since about step {since}", world.title()))
     }
 }
 

@@ -11,8 +11,7 @@ use std::sync::Arc;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::TrainError;
-use super::doubts::EffectWatch;
+use super::Result;
 use super::evaluate::EvaluationJob;
 use super::film::Film;
 use super::history::{History, Moment, Notes};
@@ -23,7 +22,7 @@ use super::score::Evaluation;
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
-use crate::env::{EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
+use crate::env::{EffectWatch, EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
 use crate::job::{Job, Stopwatch};
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
@@ -96,8 +95,6 @@ fn stream(seed: u64, stream: RandomStream) -> ChaCha8Rng {
     rng
 }
 
-type Result<T> = std::result::Result<T, TrainError>;
-
 fn new_learner(
     run: &Run,
     spec: &Spec,
@@ -116,7 +113,8 @@ fn new_learner(
 fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
     let has_task = || world.abilities().episodes.and_then(Episodes::default_task).is_some();
     if run.settings.train.goals == Goals::Map && !has_task() {
-        return Err(EnvError::NoOwnTask(world.title().to_owned()).into());
+        let (title, lacks) = (world.title(), "has no start S from which a goal G can be reached");
+        return Err(EnvError::Unfit(format!("{title} {lacks}, which goals=map requires")).into());
     }
     let mut world = world.fork(run.settings.train.agents)?;
     world.configure(&run.settings.train.env());
@@ -433,6 +431,7 @@ impl Trainer {
                 guide: Guide { policy, graph },
                 replay,
                 candidates,
+                result: RoundResult::default(),
             };
             done = Some(act(rollout, &mut context));
         })?;
@@ -495,7 +494,7 @@ impl Trainer {
             let goals = points.goal.repeat(distances.len());
             policy.distances(&points.states, &goals, &mut distances, &mut Scratch::default());
         })?;
-        film.add(updates, counters.env_steps, rollout.env(), &points, &distances);
+        film.add([updates, counters.env_steps], rollout.env(), &points, &distances);
         Ok(())
     }
 

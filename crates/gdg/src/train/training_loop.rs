@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use super::TrainError;
 use super::run::{EndReason, Limits, Tick};
 use super::trainer::{Recovery, Trainer};
+use super::{Result, TrainError};
 use crate::env::EnvError;
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -79,11 +79,7 @@ impl TrainingLoop {
 
     /// Returns what is still due, or else runs one tick, unless training is to stop or has reached
     /// one of `limits`.
-    pub fn next(
-        &mut self,
-        trainer: &mut Trainer,
-        limits: &Limits,
-    ) -> Result<TrainingEvent, TrainError> {
+    pub fn next(&mut self, trainer: &mut Trainer, limits: &Limits) -> Result<TrainingEvent> {
         if let Some(due) = self.due.pop_front() {
             return Ok(due);
         }

@@ -5,10 +5,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::Result;
 use super::worker::{EnvDescription, GymWorker};
-use crate::env::{
-    DirectEffect, EnvError, MAX_MAGNITUDE, RecordedStep, Spec, Walls, direct_effects, share,
-};
+use crate::env::{DirectEffect, MAX_MAGNITUDE, RecordedStep, Spec, Walls, direct_effects, share};
 use crate::store::StoreError;
 
 /// Episodes begun to see starts and goals.
@@ -65,7 +64,6 @@ const LEAST_RESOLVED: f32 = 16.0;
 /// What has been found out. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EnvFacts {
-    /// Sizes and scales.
     pub spec: Spec,
     /// Which number of a row is each component of the state.
     pub columns: Vec<usize>,
@@ -131,15 +129,11 @@ impl EnvFacts {
 
     /// Says where a short walk leads now if that is elsewhere than when this was found out, and not by
     /// chance.
-    pub fn leads_elsewhere(
-        &self,
-        worker: &mut GymWorker,
-        about: &EnvDescription,
-    ) -> Result<Option<String>, EnvError> {
+    pub fn leads_elsewhere(&self, worker: &mut GymWorker) -> Result<Option<String>> {
         if self.led_to.is_empty() {
             return Ok(None);
         }
-        let (first, second) = (try_again(worker, about, 1.0)?, try_again(worker, about, 1.0)?);
+        let (first, second) = (try_again(worker, 1.0)?, try_again(worker, 1.0)?);
         let (was, is) = (&self.led_to, &second[second.len() - 1]);
         let is_off = |(scale, column): &(&f32, &usize)| {
             let rounding = CONSTANT * was[**column].abs().max(1.0);
@@ -202,24 +196,23 @@ pub struct Seen {
 /// observation that are the goal, and the distance below which one is reached.
 pub fn find(
     worker: &mut GymWorker,
-    about: &EnvDescription,
     goal: Option<&[usize]>,
     radius: Option<f32>,
-) -> Result<(EnvFacts, Vec<String>), EnvError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
+) -> Result<(EnvFacts, Vec<String>)> {
+    let (mut rng, about) = (ChaCha8Rng::seed_from_u64(0), &worker.about.clone());
     let mut seen = Seen::default();
     for i in 0..RESETS {
         let task = about.tasks.map(|tasks| 1 + i as u32 % tasks);
-        let (row, goal) = worker.reset(about, 0, rng.random(), task)?;
+        let (row, goal) = worker.reset(0, rng.random(), task)?;
         seen.starts.push(row);
         seen.goals.push(goal);
     }
     for _ in 0..WALKS {
-        let (rows, actions) = walk(worker, about, &mut rng, (WALK_STEPS, 1.0))?;
+        let [rows, actions] = walk(worker, &mut rng, (WALK_STEPS, 1.0))?;
         seen.walks.push(rows);
         seen.actions.push(actions);
     }
-    let [tried, others] = [1.0, -0.5].map(|size| try_again(worker, about, size));
+    let [tried, others] = [1.0, -0.5].map(|size| try_again(worker, size));
     let (tried, others) = (tried?, others?);
     let columns = columns(&seen, about, goal).map_err(|why| worker.fail(why))?;
     let Some(radius) = radius.or(about.goal_radius) else {
@@ -254,13 +247,9 @@ pub fn find(
 }
 
 /// Walks as at the end of the first look; returns the rows.
-fn try_again(
-    worker: &mut GymWorker,
-    about: &EnvDescription,
-    size: f32,
-) -> Result<Vec<Vec<f32>>, EnvError> {
+fn try_again(worker: &mut GymWorker, size: f32) -> Result<Vec<Vec<f32>>> {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    walk(worker, about, &mut rng, (TRIED_STEPS, size)).map(|(rows, _)| rows)
+    walk(worker, &mut rng, (TRIED_STEPS, size)).map(|[rows, _]| rows)
 }
 
 /// Says how many goals are reached where their episodes begin.
@@ -296,18 +285,17 @@ fn too_fine(spec: &Spec) -> Option<String> {
 /// the actions between them.
 fn walk(
     worker: &mut GymWorker,
-    about: &EnvDescription,
     rng: &mut ChaCha8Rng,
     (most, size): (u32, f32),
-) -> Result<(Vec<Vec<f32>>, Vec<Vec<f32>>), EnvError> {
+) -> Result<[Vec<Vec<f32>>; 2]> {
     let mut actions = Vec::new();
-    let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.0];
-    let mut action = vec![0.0; about.low.len()];
-    for i in 0..about.episode_steps().map_or(most, |limit| limit.min(most)) {
+    let mut rows = vec![worker.reset(0, rng.random(), None)?.0];
+    let mut action = vec![0.0; worker.about.low.len()];
+    for i in 0..worker.about.episode_steps().map_or(most, |limit| limit.min(most)) {
         if i == 0 || rng.random::<f32>() < 1.0 / HOLD_STEPS {
             action.fill_with(|| size * rng.random_range(-1.0..=1.0));
         }
-        let next = worker.step(about, &action)?;
+        let next = worker.step(&action)?;
         let has_ended = next.iter().any(|(_, ended, _)| *ended);
         rows.extend(next.into_iter().map(|(row, ..)| row));
         actions.push(action.clone());
@@ -315,7 +303,7 @@ fn walk(
             break;
         }
     }
-    Ok((rows, actions))
+    Ok([rows, actions])
 }
 
 /// The columns of a row that form the state, which components of the state are achieved, and which
@@ -470,13 +458,7 @@ pub mod tests {
             goal,
             low: vec![Some(-1.0)],
             high: vec![Some(1.0)],
-            bounds: Vec::new(),
-            time_limit: None,
-            tasks: None,
-            goal_radius: None,
-            maze: None,
-            versions: std::collections::BTreeMap::new(),
-            sources: std::collections::BTreeMap::new(),
+            ..EnvDescription::default()
         }
     }
 
