@@ -85,9 +85,13 @@ pub enum Command {
     Runs(RunsArgs),
     /// Watch a run that another program trains, here or on a machine that shares the folder
     Watch(WatchArgs),
-    /// Print the reference of all settings in Markdown
+    /// Print the reference of all settings in Markdown, or what some of them are
     #[command(hide = true)]
-    Settings,
+    Settings {
+        /// Settings to show instead of all
+        #[arg(value_name = "NAME")]
+        names: Vec<String>,
+    },
     /// Take a guided tour of the four rooms: a minute and a half
     Tour(TourArgs),
     /// Watch two methods train side by side on the same map

@@ -7,20 +7,19 @@ pub mod prepare;
 mod runs;
 mod train;
 
-use std::path::Path;
 use std::sync::Arc;
 
 use clap::CommandFactory;
 use log::LevelFilter;
-use miette::{Report, miette};
+use miette::Report;
 
 use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
+use crate::process::errors::from_config_error;
 use crate::process::{EXIT_BAD_INPUT, EXIT_FAILURE, logging};
-use gdg::files;
 use gdg::printing::print_text;
 use gdg::text::sanitized_lines;
-use gdg::train::{Registry, reference_page};
+use gdg::train::{Registry, reference_page, setting_page};
 
 /// Why a command failed: the error for the user, and the exit status.
 pub struct CommandFailure {
@@ -47,7 +46,10 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Watch(args)) => runs::watch(&args, registry),
-        Some(Command::Settings) => print(&reference_page()),
+        Some(Command::Settings { names }) if names.is_empty() => print(&reference_page()),
+        Some(Command::Settings { names }) => {
+            text(names.iter().map(|name| setting_page(name).map_err(from_config_error)).collect())
+        }
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
         Some(Command::Suite(options)) => {
@@ -76,15 +78,6 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::ExportData(args)) => text(export::data(&args, registry)),
         Some(Command::ExportPolicy(args)) => text(export::policy(&args, registry)),
     }
-}
-
-/// Writes a file and returns a line that says where.
-fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
-    files::write_atomically(path, bytes).map_err(|error| {
-        let help = "give --out a file in a writable folder";
-        miette!(help = help, "{}: cannot be written: {error}", path.display())
-    })?;
-    Ok(format!("{}\n", path.display()))
 }
 
 /// Prints text that may quote user input, made safe to display, to standard output.

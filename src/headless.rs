@@ -17,7 +17,7 @@ use crate::process::errors::{from_checkpoint_error, print_error};
 use crate::process::signals::TerminationSignal;
 use crate::process::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, logging};
 use crate::setup::Setup;
-use crate::setup::outputs::save_elsewhere;
+use crate::setup::outputs::to_elsewhere;
 use crate::setup::saves::resume_command;
 use gdg::env::{EnvError, Recorded};
 use gdg::job::{Job, Running};
@@ -381,14 +381,16 @@ impl CheckpointSaver {
             // The networks are good even then, and can be saved; the next update fails again.
             eprint_line(&error.to_string());
         }
-        let path: PathBuf = train::save(trainer, &self.to).map_err(|error| {
-            let again = |path| train::save(trainer, &SaveTo::Replace(path)).ok();
-            let instead = self.instead.take().and_then(again);
-            self.instead = instead.or_else(|| save_elsewhere(trainer, self.path()));
-            let Some(path) = &self.instead else { return from_checkpoint_error(error) };
-            miette!("{error}; saved to {} instead", path.display())
-        })?;
-        self.instead.take().iter().for_each(|path| train::remove_own(path));
+        let instead = self.instead.take();
+        let others =
+            instead.clone().map(SaveTo::Replace).into_iter().chain(to_elsewhere(self.path()));
+        let (path, why) =
+            train::save_or_else(trainer, &self.to, others).map_err(from_checkpoint_error)?;
+        if let Some(error) = why {
+            let path = self.instead.insert(path);
+            return Err(miette!("{error}; saved to {} instead", path.display()));
+        }
+        instead.iter().for_each(|path| train::remove_own(path));
         trainer.take_warnings().iter().for_each(|warning| eprint_line(warning));
         let requested = self.to.path();
         if path != requested {

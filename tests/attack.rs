@@ -9,6 +9,7 @@ use std::process::Stdio;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
+use crate::ran::words;
 use crate::support::{Session, checkpoints, headless, non_zero, outcome, size};
 use gdg::job::Job;
 use gdg::train::Registry;
@@ -60,14 +61,7 @@ fn kills_while_saving_never_corrupt_a_checkpoint() {
         let now = load(&path).counters().updates;
         assert!(now >= updates, "update {updates} was saved, and {now} is left");
         updates = now;
-        args = vec![
-            "--resume",
-            "kept.safetensors",
-            "--save",
-            "kept.safetensors",
-            "--save-every",
-            "0.0001",
-        ];
+        args = words("--resume kept.safetensors --save kept.safetensors --save-every 0.0001");
     }
     // The next save removes what the killed programs left behind, once it is old enough to count as
     // stale.
@@ -329,15 +323,7 @@ fn concurrent_programs_never_save_to_the_same_file() {
     std::thread::scope(|scope| {
         for _ in 0..programs {
             scope.spawn(|| {
-                let args = [
-                    "trap",
-                    "--max-updates",
-                    "20",
-                    "--eval-tasks",
-                    "1",
-                    "--save",
-                    "same.safetensors",
-                ];
+                let args = words("trap --max-updates 20 --eval-tasks 1 --save same.safetensors");
                 assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
                 done.fetch_add(1, Ordering::Relaxed);
             });

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Output;
 use std::time::{Duration, Instant};
 
+use crate::ran::{SMALL, words};
 use assert_cmd::Command as Assert;
 use serde_json::Value;
 
@@ -12,18 +13,6 @@ fn gdg() -> Assert {
     command.env("NO_COLOR", "1").env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR"));
     command
 }
-
-/// Arguments that keep a run small.
-const SMALL: [&str; 8] = [
-    "--set",
-    "hidden=16",
-    "--set",
-    "buffer_size=20000",
-    "--set",
-    "candidates=50",
-    "--set",
-    "learning_starts=500",
-];
 
 fn records(output: &[u8]) -> Vec<Value> {
     let text = std::str::from_utf8(output).unwrap();
@@ -47,17 +36,10 @@ fn file(name: &str) -> String {
 
 #[test]
 fn records_have_the_documented_format() {
-    let all = run(&[
-        "trap",
-        "--seed",
-        "5",
-        "--max-updates",
-        "1000",
-        "--eval-tasks",
-        "2",
-        "--eval-every-updates",
-        "500",
-    ]);
+    let all = run(&words(
+        "trap --seed 5 --max-updates 1000 --eval-tasks 2 --eval-every-updates \
+        500",
+    ));
     let of = |event: &str| all.iter().filter(|r| r["event"] == event).collect::<Vec<_>>();
     let start = of("start")[0];
     assert_eq!(start["map"]["name"], "trap");
@@ -106,17 +88,7 @@ fn metrics_are_also_written_as_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("run.csv");
     let path = path.to_str().unwrap();
-    let args = [
-        "trap",
-        "--seed",
-        "5",
-        "--max-updates",
-        "1000",
-        "--eval-tasks",
-        "2",
-        "--eval-every-updates",
-        "500",
-    ];
+    let args = words("trap --seed 5 --max-updates 1000 --eval-tasks 2 --eval-every-updates 500");
     let all = run(&[&args[..], &["--csv", path]].concat());
     let mut table = csv::Reader::from_path(path).unwrap();
     let head: Vec<String> = table.headers().unwrap().iter().map(str::to_owned).collect();
@@ -259,20 +231,8 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
         (folder.path().join("half.safetensors"), folder.path().join("whole.safetensors"));
     let (half, whole) = (half.to_str().unwrap(), whole.to_str().unwrap());
     run(&["trap", "--seed", "2", "--max-updates", "300", "--eval-tasks", "1", "--save", half]);
-    let output = gdg()
-        .args([
-            "--no-ui",
-            "--resume",
-            half,
-            "--max-updates",
-            "500",
-            "--eval-tasks",
-            "1",
-            "--save",
-            whole,
-        ])
-        .output()
-        .unwrap();
+    let line = format!("--no-ui --resume {half} --max-updates 500 --eval-tasks 1 --save {whole}");
+    let output = gdg().args(words(&line)).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let resumed = records(&output.stdout);
     assert_eq!(resumed[0]["updates"], 300);
@@ -330,18 +290,11 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     );
     for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
         let file = format!("saves/{map}.safetensors");
-        let args = [
-            "--no-ui",
-            map,
-            "--seed",
-            seed,
-            "--max-updates",
-            updates,
-            "--eval-tasks",
-            "1",
-            "--save",
-            &file,
-        ];
+        let line = format!(
+            "--no-ui {map} --seed {seed} --max-updates {updates} --eval-tasks 1 \
+            --save {file}"
+        );
+        let args = words(&line);
         assert!(in_folder(&args).status.success());
     }
     std::fs::write(folder.path().join("saves/none.safetensors"), "no checkpoint").unwrap();
@@ -618,6 +571,16 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
 }
 
 #[test]
+fn settings_are_explained_by_name() {
+    let about = |name: &str| gdg().args(["settings", name]).output().unwrap();
+    let found = String::from_utf8(about("n_step").stdout).unwrap();
+    assert!(found.starts_with("n_step: ") && found.contains("Possible: an integer"), "{found}");
+    let unknown = about("nstep");
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&unknown.stderr).contains("did you mean n_step?"));
+}
+
+#[test]
 fn printed_settings_can_be_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.json");
@@ -671,20 +634,11 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
     let folder = tempfile::tempdir().unwrap();
     let saved = folder.path().join("arm.safetensors");
     let saved = saved.to_str().unwrap();
-    let begun = run(&[
-        "fetch-reach",
-        "--set",
-        "agents=4",
-        "--max-updates",
-        "20",
-        "--eval-tasks",
-        "1",
-        "--save",
-        saved,
-    ]);
+    let line = format!("fetch-reach --set agents=4 --max-updates 20 --eval-tasks 1 --save {saved}");
+    let begun = run(&words(&line));
     let settings = serde_json::json!({
         "hidden": 16, "buffer_size": 20000, "candidates": 50,
-        "agents": 4, "learning_starts": 500, "env_steps_per_update": 1,
+        "agents": 4, "learning_starts": 200, "env_steps_per_update": 1,
     });
     assert_eq!(begun[0]["settings"], settings);
     let resume = ["--no-ui", "--resume", saved, "--max-updates", "30", "--eval-tasks", "1"];
@@ -885,17 +839,11 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
     assert_eq!(all[1]["transitions_removed"], 0, "there are none yet");
 
     let resume = |at: &str, most: &str| {
-        let args = [
-            "--no-ui",
-            "--resume",
-            saved,
-            "--eval-tasks",
-            "1",
-            "--edit-at",
-            at,
-            "--max-updates",
-            most,
-        ];
+        let line = format!(
+            "--no-ui --resume {saved} --eval-tasks 1 --edit-at {at} --max-updates \
+            {most}"
+        );
+        let args = words(&line);
         let output = gdg().args(args).output().unwrap();
         let error = String::from_utf8_lossy(&output.stderr)
             .split_whitespace()

@@ -10,15 +10,11 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     session.wait_for("A gdg-bridge default");
     session.wait_for("B her tuned agents=8");
     session.wait_for("Space pause");
-    session.press("?");
-    session.wait_for("maps are saved");
+    session.press_for("?", "maps are saved");
     // An escape immediately followed by other bytes would be a different key.
-    session.press("\x1b");
-    session.wait_until_gone("maps are saved");
-    session.press(" ");
-    session.wait_for("paused");
-    session.press("?axis\r");
-    session.wait_for("success over seconds of training");
+    session.close("maps are saved");
+    session.press_for(" ", "paused");
+    session.press_for("?axis\r", "success over seconds of training");
     for (cols, rows) in [(1, 1), (200, 60), (40, 10)] {
         session.master.resize(size(cols, rows)).unwrap();
         session.screen.lock().unwrap().screen_mut().set_size(non_zero(rows), non_zero(cols));

@@ -14,6 +14,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::ran::words;
 use crate::support::{Session, checkpoints, headless, isolated_command, kill, outcome};
 use gdg::job::Job;
 use gdg::train::{self, Registry, SaveTo, Saved, Trainer};
@@ -132,29 +133,14 @@ fn a_new_run_does_not_replace_the_checkpoint_of_another() {
         "{output}"
     );
     assert_eq!(std::fs::read(&first).unwrap(), before);
-    let args = [
-        "--resume",
-        "small.safetensors",
-        "--max-updates",
-        "360",
-        "--eval-tasks",
-        "1",
-        "--save",
-        "small.safetensors",
-    ];
+    let args = words(
+        "--resume small.safetensors --max-updates 360 --eval-tasks 1 --save \
+        small.safetensors",
+    );
     let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!((status, errors.as_str()), (0, ""), "its own file");
     assert_eq!(assert_loads(&first), 360);
-    let args = [
-        "trap",
-        "--max-updates",
-        "20",
-        "--eval-tasks",
-        "1",
-        "--overwrite",
-        "--save",
-        "small.safetensors",
-    ];
+    let args = words("trap --max-updates 20 --eval-tasks 1 --overwrite --save small.safetensors");
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(assert_loads(&first), 20);
     assert_eq!(checkpoints(folder.path()).len(), 2);
@@ -192,16 +178,10 @@ fn tables_never_replace_what_the_run_reads() {
     }
     for (name, text) in names.iter().zip(texts) {
         let mut command = isolated_command(folder.path());
-        let args = [
-            "--no-ui",
-            "own.txt",
-            "--edit-at",
-            "3:edit.txt",
-            "--config",
-            "settings.json",
-            "--max-updates",
-            "5",
-        ];
+        let args = words(
+            "--no-ui own.txt --edit-at 3:edit.txt --config settings.json \
+            --max-updates 5",
+        );
         let (status, _, errors) = outcome(command.args(args).args(["--csv", name, "--overwrite"]));
         assert_eq!(status, 2, "{errors}");
         assert!(
@@ -242,16 +222,10 @@ fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
     // A damaged checkpoint is one.
     let damaged = folder.path().join("notes-2.safetensors");
     std::fs::OpenOptions::new().write(true).open(&damaged).unwrap().set_len(100_000).unwrap();
-    let args = [
-        "trap",
-        "--max-updates",
-        "20",
-        "--eval-tasks",
-        "1",
-        "--save",
-        "notes-2.safetensors",
-        "--overwrite",
-    ];
+    let args = words(
+        "trap --max-updates 20 --eval-tasks 1 --save notes-2.safetensors \
+        --overwrite",
+    );
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(assert_loads(&damaged), 20);
 }
@@ -278,15 +252,7 @@ fn a_diverging_run_rolls_back_and_finally_stops() {
         train::load(&folder.path().join("back.safetensors"), &Registry::builtin(), 1).unwrap();
     assert!((resumed.run().settings.learn.learning_rate - 5e-4).abs() < 1e-9);
     // Divergence that rolling back cannot cure.
-    let args = [
-        "trap",
-        "--max-updates",
-        "400",
-        "--set",
-        "learning_rate=3e38",
-        "--save",
-        "lost.safetensors",
-    ];
+    let args = words("trap --max-updates 400 --set learning_rate=3e38 --save lost.safetensors");
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 1);
     assert_eq!(events(&output).iter().filter(|e| e["event"] == "recovery").count(), 3, "{output}");
@@ -316,16 +282,11 @@ fn an_evaluation_that_a_signal_ended_is_made_after_resuming() {
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     let there = folder.path().join("there.safetensors");
     let evaluations = |file: &str| -> Vec<Value> {
-        let args = [
-            "--resume",
-            file,
-            "--max-updates",
-            "60",
-            "--eval-tasks",
-            "1",
-            "--eval-every-updates",
-            "20",
-        ];
+        let line = format!(
+            "--resume {file} --max-updates 60 --eval-tasks 1 --eval-every-updates \
+            20"
+        );
+        let args = words(&line);
         let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
         assert_eq!(status, 0, "{errors}");
         events(&output)
@@ -373,10 +334,8 @@ fn divergence_is_shown_in_the_interface_and_the_program_stays_usable() {
     let folder = folder();
     let mut session = Session::start(folder.path(), &["trap", "--set", "learning_rate=3e38"]);
     session.wait_for("training has stopped");
-    session.press("\x1b");
-    session.wait_until_gone("training has stopped");
-    session.press("s");
-    session.wait_for("saved saves/trap");
+    session.close("training has stopped");
+    session.press_for("s", "saved saves/trap");
     session.press("q");
     assert_eq!(session.end(), 1);
     assert_loads(&folder.path().join("saves/trap-gdg-bridge-seed0.safetensors"));
@@ -420,17 +379,10 @@ fn a_file_replaced_by_another_program_is_left_alone() {
 #[test]
 fn a_failed_periodic_save_does_not_end_the_run() {
     let folder = folder();
-    let args = [
-        "trap",
-        "--max-updates",
-        "400",
-        "--eval-tasks",
-        "1",
-        "--save",
-        "a.safetensors",
-        "--save-every",
-        "0.002",
-    ];
+    let args = words(
+        "trap --max-updates 400 --eval-tasks 1 --save a.safetensors --save-every \
+        0.002",
+    );
     let (status, _, errors) = outcome(headless(folder.path(), &args).env(FAULTS, "save=once@2"));
     assert_eq!(status, 0, "{errors}");
     assert!(
@@ -614,10 +566,8 @@ fn the_interface_stays_responsive_while_other_threads_hang() {
         let fault = format!("{thread}=delay:3000@1");
         let mut session = Session::start_with(folder.path(), &["trap"], &[(FAULTS, &fault)]);
         session.wait_for("quit");
-        session.press("?");
-        session.wait_for("pause or resume training");
-        session.press("\x1b");
-        session.wait_until_gone("pause or resume training");
+        session.press_for("?", "pause or resume training");
+        session.close("pause or resume training");
         session.press("q");
         assert_eq!(session.end(), 0, "{thread}");
     }
@@ -656,16 +606,8 @@ fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
         outcome(shell.current_dir(folder.path()))
     };
     for setting in ["hidden=4096", "buffer_size=100000000"] {
-        let (status, output, errors) = limited(&[
-            "--no-ui",
-            "trap",
-            "--max-updates",
-            "9",
-            "--set",
-            "layers=8",
-            "--set",
-            setting,
-        ]);
+        let line = format!("--no-ui trap --max-updates 9 --set layers=8 --set {setting}");
+        let (status, output, errors) = limited(&words(&line));
         assert_eq!((status, output.as_str()), (2, ""), "{setting}: {errors}");
         assert!(errors.contains("GB of memory"), "{setting}: {errors}");
     }
@@ -699,10 +641,8 @@ fn curves_evaluations_and_log_survive_resuming() {
     assert_eq!(history.evaluations().iter().map(|(at, _)| *at).collect::<Vec<_>>(), [350]);
     let mut session = Session::start(folder.path(), &["--resume", "small.safetensors"]);
     session.wait_for("training");
-    session.press(" ");
-    session.wait_for("paused");
-    session.press("s");
-    session.wait_for("saved small.safetensors");
+    session.press_for(" ", "paused");
+    session.press_for("s", "saved small.safetensors");
     session.press("q");
     assert_eq!(session.end(), 0);
     let again = train::load(&path, &Registry::builtin(), 1).unwrap().history().clone();
@@ -803,10 +743,8 @@ fn special_files_are_refused_without_blocking() {
         .unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
-    session.press("L");
-    session.wait_for("not a regular file");
-    session.press("\x1b");
-    session.wait_until_gone("not a regular file");
+    session.press_for("L", "not a regular file");
+    session.close("not a regular file");
     session.press("q");
     assert_eq!(session.end(), 0);
 }
@@ -817,16 +755,10 @@ fn saving_keeps_private_permissions_and_links() {
     let path = checkpoint(folder.path());
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o600)).unwrap();
     symlink("small.safetensors", folder.path().join("link.safetensors")).unwrap();
-    let args = [
-        "--resume",
-        "link.safetensors",
-        "--max-updates",
-        "360",
-        "--eval-tasks",
-        "1",
-        "--save",
-        "link.safetensors",
-    ];
+    let args = words(
+        "--resume link.safetensors --max-updates 360 --eval-tasks 1 --save \
+        link.safetensors",
+    );
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
     assert!(folder.path().join("link.safetensors").symlink_metadata().unwrap().is_symlink());

@@ -10,6 +10,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::ran::words;
 use gdg::env::gym::Address;
 use gdg::env::{Environment, GymOptions, WorldScene};
 use gdg::train::{Preset, Registry, Run, Trainer};
@@ -1123,15 +1124,7 @@ fn the_real_arm_is_learned_and_resumed_exactly() {
     assert!(found["greedy"]["success"].as_f64().unwrap() >= 0.9, "{found}");
     train(&["--max-updates", "333", "--save", "reach.safetensors"]);
     let resumed = program(folder.path())
-        .args([
-            "--no-ui",
-            "--resume",
-            "reach.safetensors",
-            "--threads",
-            "2",
-            "--max-updates",
-            "800",
-        ])
+        .args(words("--no-ui --resume reach.safetensors --threads 2 --max-updates 800"))
         .arg("--python")
         .arg(python())
         .output()

@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use crate::ran::{Ran, SMALL, has_parts, program_in, ran};
+use crate::ran::{Ran, SMALL, has_parts, program_in, ran, words};
 use serde_json::{Value, json};
 
 const ROOM: &str = "S.....\n......\n.....G\n";
@@ -189,20 +189,8 @@ fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
         let done = ran(command);
         assert_eq!(done.status, Some(0), "{}", done.err);
     };
-    run(&[
-        "suite", "room.txt", "--budget", "60", "--seeds", "2", "--method", "gdg", "--method",
-        "her", "--out", "out",
-    ]);
-    run(&[
-        "--no-ui",
-        "room.txt",
-        "--max-updates",
-        "60",
-        "--eval-every-updates",
-        "30",
-        "--save",
-        "a.safetensors",
-    ]);
+    run(&words("suite room.txt --budget 60 --seeds 2 --method gdg --method her --out out"));
+    run(&words("--no-ui room.txt --max-updates 60 --eval-every-updates 30 --save a.safetensors"));
     let done = plot(folder.path(), &["out", "--x", "steps"]);
     assert_eq!(
         (done.status, &*done.out),

@@ -40,6 +40,11 @@ pub fn ran(mut command: Command) -> Ran {
     Ran { status: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
 }
 
+/// Returns the arguments of a line, none of which has blanks.
+pub fn words(line: &str) -> Vec<&str> {
+    line.split(' ').collect()
+}
+
 /// Asserts that `text` contains all `parts`.
 pub fn has_parts(text: &str, parts: &[&str]) {
     parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text}"));

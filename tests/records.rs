@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::ran::{SMALL, isolated, program_in, ran};
+use crate::ran::{SMALL, isolated, program_in, ran, words};
 use serde_json::Value;
 
 const SCHEMA: &str = include_str!("../docs/records.schema.json");
@@ -80,15 +80,10 @@ fn records_are_as_their_schema_says() {
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("room.txt", "S.....\n......\n.....G\n");
     write("closed.txt", "S..#..\n......\n...#.G\n");
-    let saving = [
-        "room.txt",
-        "--max-updates",
-        "1000",
-        "--edit-at",
-        "500:closed.txt",
-        "--save",
-        "a.safetensors",
-    ];
+    let saving = words(
+        "room.txt --max-updates 1000 --edit-at 500:closed.txt --save \
+        a.safetensors",
+    );
     let runs = [
         recorded(folder.path(), &saving),
         recorded(

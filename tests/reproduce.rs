@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::ran::{Ran, SMALL, has_parts, program_in, ran};
+use crate::ran::{Ran, SMALL, has_parts, program_in, ran, words};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -304,17 +304,7 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
 #[test]
 fn budgets_of_episodes_evaluate_as_often_as_updates_do() {
     let place = Place::new();
-    let args = [
-        "fig6",
-        "--episodes",
-        "100",
-        "--set",
-        "episode_steps=20",
-        "--set",
-        "agents=4",
-        "--out",
-        "out",
-    ];
+    let args = words("fig6 --episodes 100 --set episode_steps=20 --set agents=4 --out out");
     let ran = place.run(&args);
     assert_eq!(ran.status, Some(0), "{}", ran.err);
     let table = String::from_utf8(place.files("out/data").remove("fig6.csv").unwrap()).unwrap();

@@ -121,12 +121,9 @@ fn a_run_is_found_and_resumed_on_a_terminal() {
     std::fs::write(folder.path().join("saves/her.jsonl"), records(1, &stopped)).unwrap();
     let mut session = Session::start(folder.path(), &["runs"]);
     session.wait_for("2 runs");
-    session.press("/trap\r");
-    session.wait_for("1 of 2 runs");
-    session.press("\r");
-    session.wait_for("q leads back to the list of runs");
-    session.press("q");
-    session.wait_for("1 of 2 runs");
+    session.press_for("/trap\r", "1 of 2 runs");
+    session.press_for("\r", "q leads back to the list of runs");
+    session.press_for("q", "1 of 2 runs");
     session.press("q");
     assert_eq!(session.end(), 0);
 }
@@ -193,10 +190,8 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("the file has another run now: trap, gdg-bridge, seed 5");
     std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
     session.wait_for("the file has another run now: trap, gdg-bridge, seed 0");
-    session.press("t");
-    session.wait_for("train a copy, saved as");
-    session.press("\u{15}own.safetensors\r");
-    session.wait_for("saved saves/own.safetensors at update 20");
+    session.press_for("t", "train a copy, saved as");
+    session.press_for("\u{15}own.safetensors\r", "saved saves/own.safetensors at update 20");
     session.press("q");
     assert_eq!(session.end(), 0);
     assert_eq!(std::fs::read(path("own.safetensors")).unwrap(), checkpoint);

@@ -133,18 +133,48 @@ impl Session {
         let _ = self.keys.write_all(keys.as_bytes()).and_then(|()| self.keys.flush());
     }
 
+    /// Presses keys, and waits for what they show.
+    pub fn press_for(&mut self, keys: &str, text: &str) {
+        self.press(keys);
+        self.wait_for(text);
+    }
+
+    /// Closes what shows this text.
+    pub fn close(&mut self, text: &str) {
+        self.press("\x1b");
+        self.wait_until_gone(text);
+    }
+
+    /// Quits, without saving if that is asked.
+    pub fn quit(self) -> u32 {
+        self.quit_by("q", "\x1b[B\r")
+    }
+
+    /// The same by Ctrl-C.
+    pub fn interrupt(self) -> u32 {
+        self.quit_by("\x03", "\x03")
+    }
+
+    fn quit_by(mut self, quit: &str, confirm: &str) -> u32 {
+        self.press(quit);
+        self.wait_for_end_or("quit without saving");
+        self.press(confirm);
+        self.end()
+    }
+
     pub fn screen_text(&self) -> String {
         self.screen.lock().unwrap().screen().contents()
     }
 
     pub fn wait_for(&self, text: &str) {
+        self.wait_while(&format!("{text:?} did not appear"), || !self.screen_text().contains(text));
+    }
+
+    fn wait_while(&self, problem: &str, mut is: impl FnMut() -> bool) {
         let began = Instant::now();
-        while !self.screen_text().contains(text) {
-            assert!(
-                began.elapsed() < Duration::from_mins(1),
-                "{text:?} did not appear:\n{}",
-                self.screen_text()
-            );
+        while is() {
+            let shown = self.screen_text();
+            assert!(began.elapsed() < Duration::from_mins(1), "{problem}:\n{shown}");
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -154,22 +184,15 @@ impl Session {
     }
 
     pub fn wait(&self, is: impl Fn(&Self) -> bool) {
-        let began = Instant::now();
-        while !is(self) {
-            assert!(began.elapsed() < Duration::from_mins(1), "timed out:\n{}", self.screen_text());
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        self.wait_while("timed out", || !is(self));
     }
 
     /// Waits for a question that is asked only if much would be lost, or for the program to exit.
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
         while !self.screen_text().contains(text) && self.child.try_wait().unwrap().is_none() {
-            assert!(
-                began.elapsed() < Duration::from_mins(1),
-                "neither appeared:\n{}",
-                self.screen_text()
-            );
+            let shown = self.screen_text();
+            assert!(began.elapsed() < Duration::from_mins(1), "neither appeared:\n{shown}");
             std::thread::sleep(Duration::from_millis(10));
         }
     }

@@ -12,15 +12,11 @@ fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
     session.wait_for("gdg-tui");
     session.wait_for("training");
     session.wait_for("quit");
-    session.press("?");
-    session.wait_for("pause or resume training");
+    session.press_for("?", "pause or resume training");
     // An escape immediately followed by other bytes would be a different key.
-    session.press("\x1b");
-    session.wait_until_gone("pause or resume training");
-    session.press(" ");
-    session.wait_for("paused");
-    session.press("s");
-    session.wait_for("saved saves/trap-gdg-bridge-seed4.safetensors");
+    session.close("pause or resume training");
+    session.press_for(" ", "paused");
+    session.press_for("s", "saved saves/trap-gdg-bridge-seed4.safetensors");
     session.press("n");
     session.press("q");
     let screen = session.screen.clone();
@@ -52,33 +48,20 @@ fn a_maze_of_another_program_is_opened_and_trained_on() {
     let mut session = Session::start(folder.path(), &args);
     session.wait_for("training");
     assert!(session.screen_text().contains("umaze"), "{}", session.screen_text());
-    session.press("3");
-    session.wait_for("to G      6.5, 14.5");
+    session.press_for("3", "to G      6.5, 14.5");
     // Between the goal and the start is a wall, which can be opened.
-    session.press("e");
-    session.wait_for("EDIT");
-    session.press("kkk2x");
-    session.wait_for("1 cell opened");
-    session.press("u");
-    session.wait_for("1 cell walled");
-    session.press("\x1b");
-    session.wait_until_gone("EDIT");
-    session.press("s");
-    session.wait_for("saved saves/umaze-gdg-bridge-seed2.safetensors");
-    session.press("q");
-    session.wait_for_end_or("quit without saving");
-    session.press("\x1b[B\r");
-    assert_eq!(session.end(), 0);
+    session.press_for("e", "EDIT");
+    session.press_for("kkk2x", "1 cell opened");
+    session.press_for("u", "1 cell walled");
+    session.close("EDIT");
+    session.press_for("s", "saved saves/umaze-gdg-bridge-seed2.safetensors");
+    assert_eq!(session.quit(), 0);
     // The checkpoint keeps the map and its scale.
     let mut again =
         Session::start(folder.path(), &["--resume", "saves/umaze-gdg-bridge-seed2.safetensors"]);
     again.wait_for("training");
-    again.press("3");
-    again.wait_for("to G      6.5, 14.5");
-    again.press("q");
-    again.wait_for_end_or("quit without saving");
-    again.press("\x1b[B\r");
-    assert_eq!(again.end(), 0);
+    again.press_for("3", "to G      6.5, 14.5");
+    assert_eq!(again.quit(), 0);
 }
 
 /// A map of two rooms joined by a door, small enough to learn in seconds.
@@ -96,53 +79,36 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).unwrap();
     let mut session = Session::start(folder.path(), &["rooms.txt", "--seed", "3"]);
     session.wait_for("training");
-    session.press(" ");
-    session.wait_for("paused");
+    session.press_for(" ", "paused");
     // Draw a wall at the cursor, which starts at the goal, and undo it.
-    session.press("e");
-    session.wait_for("EDIT");
-    session.press("kx");
-    session.wait_for("1 cell walled");
-    session.press("u");
-    session.wait_for("1 cell opened");
+    session.press_for("e", "EDIT");
+    session.press_for("kx", "1 cell walled");
+    session.press_for("u", "1 cell opened");
     session.press("\x1b");
     // The notice about the edit hides the key hints for a few seconds.
     session.wait_for("Tab panes");
     session.press(" ");
     // Move the goal two cells left of the map's; the agent reaches it repeatedly.
-    session.press("3hh");
-    session.wait_for("to G      10.5, 4.5");
+    session.press_for("3hh", "to G      10.5, 4.5");
     for arrivals in ["arrivals  1 of", "arrivals  2 of"] {
         session.wait_for(arrivals);
     }
-    session.press("s");
-    session.wait_for("saved saves/rooms-gdg-bridge-seed3.safetensors");
-    session.press("q");
-    session.wait_for_end_or("quit without saving");
-    session.press("\x1b[B\r");
-    assert_eq!(session.end(), 0);
+    session.press_for("s", "saved saves/rooms-gdg-bridge-seed3.safetensors");
+    assert_eq!(session.quit(), 0);
     let mut again =
         Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
     again.wait_for("rooms gdg-bridge default (3 changed) seed 3");
     again.wait_for("training");
     // Long training would be asked about.
-    again.press(" ");
-    again.wait_for("paused");
+    again.press_for(" ", "paused");
     // The checkpoint list shows it too.
-    again.press("L");
-    again.wait_for("load a checkpoint");
+    again.press_for("L", "load a checkpoint");
     again.wait_for("rooms gdg-bridge");
-    again.press("\r");
-    again.wait_for("loaded saves/rooms-gdg-bridge-seed3.safetensors");
+    again.press_for("\r", "loaded saves/rooms-gdg-bridge-seed3.safetensors");
     // Maps in the folder are listed below the built-in ones.
-    again.press("O");
-    again.wait_for("built in");
-    again.press("\x1b");
-    again.wait_until_gone("built in");
-    again.press("\x03");
-    again.wait_for_end_or("quit without saving");
-    again.press("\x03");
-    assert_eq!(again.end(), 0);
+    again.press_for("O", "built in");
+    again.close("built in");
+    assert_eq!(again.interrupt(), 0);
 }
 
 #[test]
@@ -157,8 +123,7 @@ fn a_run_has_one_file_however_impatiently_it_is_quit_and_is_saved_at_its_limit()
     let mut session =
         Session::start(folder.path(), &["rooms.txt", "--seed", "3", "--save", "own.safetensors"]);
     session.wait_for("training");
-    session.press("e");
-    session.wait_for("EDIT");
+    session.press_for("e", "EDIT");
     session.press("kxlxlxuuqq");
     assert_eq!(session.end(), 0);
     assert_eq!(checkpoints(), ["own.safetensors"]);
@@ -255,8 +220,7 @@ fn a_configuration_sets_keys_and_theme_and_its_errors_are_reported() {
         .unwrap();
     let mut session = Session::start(folder.path(), &["trap", "--ui-config", "own.toml"]);
     session.wait_for("F5 pause");
-    session.press("\x1b[15~");
-    session.wait_for("paused");
+    session.press_for("\x1b[15~", "paused");
     session.press("q");
     assert_eq!(session.end(), 0);
     std::fs::write(folder.path().join("wrong.toml"), "theme = \"dark\"\nkeys = 3\n").unwrap();
@@ -295,14 +259,9 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     // A paste into a text field is cut to the maximum length of the field.
     session.press(":\x1b[200~");
     session.press(&"pause ".repeat(200_000));
-    session.press("\x1b[201~");
-    session.wait_for("> ");
-    session.press("\x1b");
-    session.wait_until_gone("Esc: close");
-    session.press("\x03");
-    session.wait_for_end_or("quit without saving");
-    session.press("\x03");
-    assert_eq!(session.end(), 0);
+    session.press_for("\x1b[201~", "> ");
+    session.close("Esc: close");
+    assert_eq!(session.interrupt(), 0);
 }
 
 #[test]

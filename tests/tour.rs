@@ -7,10 +7,8 @@ fn the_tour_goes_on_by_enter() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["tour", "--threads", "1"]);
     session.wait_for("1/6 No reward");
-    session.press("\r");
-    session.wait_for("2/6 D bends");
-    session.press("\x1b");
-    session.wait_until_gone("2/6 D bends");
+    session.press_for("\r", "2/6 D bends");
+    session.close("2/6 D bends");
     session.signal("TERM");
     assert_eq!(session.end(), 143);
 }

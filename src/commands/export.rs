@@ -6,11 +6,10 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use super::write_file;
 use crate::cli::{ExportArgs, ExportPolicyArgs};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::refuse_existing;
+use crate::setup::outputs::{refuse_existing, write_file};
 use gdg::files;
 use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};
 

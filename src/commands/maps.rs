@@ -3,12 +3,12 @@
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
-use super::{CommandOutcome, bad_input, print, print_safely, write_file};
+use super::{CommandOutcome, bad_input, print, print_safely};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::process::errors::from_map_error;
 use crate::process::waiting::Waiting;
 use crate::setup::find_maps::{find_map, warnings};
-use crate::setup::outputs::{refuse_existing, refuse_input};
+use crate::setup::outputs::{refuse_existing, refuse_input, write_file};
 use gdg::map::{
     self, BUILTIN, Diameter, FORMATS, Grid, MapFormat, MapScale, Reading, ScenarioTask, print_ascii,
 };

@@ -14,8 +14,8 @@ use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet, table_behind};
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::refuse_existing;
-use gdg::files::{named, read, write_atomically};
+use crate::setup::outputs::{refuse_existing, write_file};
+use gdg::files::{named, read};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 pub use lines::{Grouping, Points, SeedCurves, table};
@@ -125,13 +125,27 @@ pub enum Axis {
     Seconds,
 }
 
-fn next<T: ValueEnum + PartialEq + Copy>(now: T) -> T {
-    let mut all = T::value_variants().iter().cycle().skip_while(|value| **value != now);
-    all.nth(1).copied().unwrap_or(now)
+/// What is drawn along an axis: an option, or chosen by a key.
+pub trait Drawable: ValueEnum + PartialEq + Copy {
+    /// Returns its name on the command line, and on an axis.
+    fn names(self) -> [&'static str; 2];
+
+    fn name(self) -> &'static str {
+        self.names()[0]
+    }
+
+    fn label(self) -> &'static str {
+        self.names()[1]
+    }
+
+    #[must_use]
+    fn next(self) -> Self {
+        let mut all = Self::value_variants().iter().cycle().skip_while(|value| **value != self);
+        all.nth(1).copied().unwrap_or(self)
+    }
 }
 
-impl Measure {
-    /// Returns its name on the command line, and on an axis.
+impl Drawable for Measure {
     fn names(self) -> [&'static str; 2] {
         match self {
             Self::Success => ["success", "success rate"],
@@ -140,20 +154,19 @@ impl Measure {
             Self::Coverage => ["coverage", "share explored"],
         }
     }
+}
 
-    pub fn name(self) -> &'static str {
-        self.names()[0]
+impl Drawable for Axis {
+    fn names(self) -> [&'static str; 2] {
+        match self {
+            Self::Updates => ["updates", "updates"],
+            Self::Steps => ["steps", "environment steps"],
+            Self::Seconds => ["seconds", "seconds of training"],
+        }
     }
+}
 
-    pub fn label(self) -> &'static str {
-        self.names()[1]
-    }
-
-    #[must_use]
-    pub fn next(self) -> Self {
-        next(self)
-    }
-
+impl Measure {
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
@@ -166,28 +179,6 @@ impl Measure {
 }
 
 impl Axis {
-    /// Returns its name on the command line, and on an axis.
-    fn names(self) -> [&'static str; 2] {
-        match self {
-            Self::Updates => ["updates", "updates"],
-            Self::Steps => ["steps", "environment steps"],
-            Self::Seconds => ["seconds", "seconds of training"],
-        }
-    }
-
-    pub fn name(self) -> &'static str {
-        self.names()[0]
-    }
-
-    pub fn label(self) -> &'static str {
-        self.names()[1]
-    }
-
-    #[must_use]
-    pub fn next(self) -> Self {
-        next(self)
-    }
-
     pub fn of(self, at: &EvaluationAt) -> f64 {
         match self {
             Self::Updates => at.updates as f64,
@@ -278,9 +269,9 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     let mut lines = String::new();
     remove_table(&table)?;
     for (path, figure) in out.iter().zip(figures) {
-        lines += &write(path, &figure)?;
+        lines += &write_file(path, &figure)?;
     }
-    Ok(lines + &write(&table, &drawn.table)?)
+    Ok(lines + &write_file(&table, &drawn.table)?)
 }
 
 /// Rejects figures that are there but not as this program has made them, and a table that is none
@@ -329,15 +320,6 @@ fn beside(path: &Path, name: &str) -> PathBuf {
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     named(folder, path.file_stem().unwrap_or_default(), &format!(".{name}.svg"))
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<String, Report> {
-    let written = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    written.and_then(|()| write_atomically(path, bytes)).map_err(|error| {
-        let help = "give --out a file in a writable folder";
-        miette!(help = help, "{}: cannot be written: {error}", path.display())
-    })?;
-    Ok(format!("{}\n", path.display()))
 }
 
 pub fn csv_of(head: &[&str], rows: Vec<impl Serialize>) -> Result<Vec<u8>, Report> {

@@ -1,6 +1,7 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
+mod join;
 mod read_records;
 mod reader;
 
@@ -24,7 +25,8 @@ use gdg::files::{has_extension, is_hidden};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
-pub use read_records::{Progress, RecordsReader, whole};
+pub use join::whole;
+pub use read_records::{Progress, RecordsReader};
 pub use reader::{FoundRuns, RunReader, checkpoints_below};
 
 /// Records that have not grown for this long are not of a running run.
@@ -157,9 +159,7 @@ impl SavedRun {
     }
 
     pub fn state(&self) -> RunState {
-        // Another machine's clock may be ahead.
-        let age = self.written.map(|at| at.elapsed().unwrap_or_default());
-        let is_within = |limit| age.is_some_and(|age| age < limit);
+        let is_within = |limit| self.written.is_some_and(|at| is_recent(at, limit));
         // The process of a job holds a file beside its checkpoint, which one that was killed leaves behind.
         let is_held = || self.source.with_extension("lock").is_file();
         let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
@@ -418,6 +418,11 @@ pub type Stamp = (Option<SystemTime>, u64);
 pub fn stamp(path: &Path) -> Option<Stamp> {
     let found = std::fs::metadata(path).ok()?;
     Some((found.modified().ok(), found.len()))
+}
+
+fn is_recent(at: SystemTime, limit: Duration) -> bool {
+    // Another machine's clock may be ahead.
+    at.elapsed().unwrap_or_default() < limit
 }
 
 /// Returns the last fact of a fingerprint.

@@ -8,7 +8,7 @@ use miette::{Report, miette};
 
 use crate::setup::saves::{SAVES, is_named_like_one};
 use gdg::files;
-use gdg::train::{self, SaveTo, Trainer};
+use gdg::train::{self, SaveTo};
 
 /// Returns how to save to the path of `--save`: neither another run's file nor one that is not a
 /// checkpoint is replaced.
@@ -95,6 +95,16 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     file.map_err(|error| miette!("{}: cannot be written: {error}", path.display()))
 }
 
+/// Writes a file and the folders that it is in; returns a line that says where.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    folder.and_then(|()| files::write_atomically(path, bytes)).map_err(|error| {
+        let help = "give --out a file in a writable folder";
+        miette!(help = help, "{}: cannot be written: {error}", path.display())
+    })?;
+    Ok(format!("{}\n", path.display()))
+}
+
 /// Returns where a file that cannot be saved to `path` goes instead: beside it, as the file itself may
 /// be what cannot be replaced, in `saves/`, or in the user's state folder.
 pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
@@ -107,14 +117,13 @@ pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
     std::iter::once(files::numbered(path, 2)).chain(others).collect()
 }
 
-/// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every
-/// file system accepts.
-pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
+/// Returns the ways to save a run to one of the files [`elsewhere`]; the last has a name that every file
+/// system accepts.
+pub fn to_elsewhere(path: &Path) -> impl Iterator<Item = SaveTo> {
     let places = elsewhere(path).into_iter().chain(elsewhere(Path::new("recovered.safetensors")));
-    let to = |place: PathBuf| {
+    places.map(|place| {
         if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) }
-    };
-    places.map(to).find_map(|to| train::save(trainer, &to).ok())
+    })
 }
 
 #[cfg(test)]

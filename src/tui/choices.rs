@@ -26,7 +26,7 @@ impl Pane {
             Self::Training => "train",
             Self::Curves => "curves",
             Self::Walk => "walk",
-            Self::Legend => "map",
+            Self::Legend => "legend",
         }
     }
 

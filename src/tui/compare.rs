@@ -43,6 +43,9 @@ pub const LETTERS: [char; 2] = ['A', 'B'];
 /// The pause after an evaluation, as a multiple of its duration.
 const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
+/// The success of one of both from which on races count.
+const WORTH_WATCHING: f64 = 0.8;
+
 /// What is known of a side besides its session.
 struct Side {
     /// Letter, method, preset, and settings of this side alone.
@@ -198,7 +201,12 @@ impl Comparison {
         if self.lags {
             self.share_edit();
         }
-        if let Some((start, goal)) = self.race.next_round() {
+        let shown = self.sessions.iter().map(|session| &session.screen.snapshot.evaluations);
+        let rates = shown.filter_map(|all| all.last()?.1.success_rate());
+        if !self.race.is_on && rates.fold(0.0, f64::max) >= WORTH_WATCHING {
+            (self.race.is_on, self.race.results) = (true, Default::default());
+            self.start_race(self.race.start, self.race.goal);
+        } else if let Some((start, goal)) = self.race.next_round() {
             self.start_race(start, goal);
         }
         let mut changed = self.log.on_tick();

@@ -368,7 +368,10 @@ const WEIGHTS: [u32; 3] = [9, 5, 1];
 fn score(typed: &str, item: &Item) -> Option<u32> {
     let (label, detail) =
         (plain(&item.label), [std::slice::from_ref(&item.detail), &item.below[..]].concat());
-    if label == typed {
+    // A letter finds the actions with this key, of both cases.
+    let is_key = matches!(item.choice, Choice::Act(_))
+        && item.detail.to_lowercase().split(' ').any(|key| key == typed);
+    if label == typed || is_key {
         return Some(u32::MAX);
     }
     let texts = [label, plain(&item.words), plain(&detail.join(" "))];

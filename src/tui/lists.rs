@@ -13,7 +13,8 @@ use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;
 use crate::tui::pane_text::clock;
 use crate::tui::render::side::training::MEANINGS as NUMBERS;
-use crate::tui::scene::{Scene, WALK_MEANINGS};
+use crate::tui::scene::Scene;
+use crate::tui::scene::legend::MEANINGS as WALK_MEANINGS;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, ThemeName};
 use gdg::bridge::Planner;
@@ -23,7 +24,7 @@ use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
     CheckpointError, LogEntry, METHODS, Method, NamedMethod, Preset, Registry, RunDescription,
-    SETTINGS, Setting, USUAL, list_settings,
+    SETTINGS, Setting, USUAL, about_setting, list_settings,
 };
 use gdg::viewer::Field;
 
@@ -178,19 +179,13 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
 fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
-    let Setting { name, about, usual, unit, values, effect, .. } = setting;
-    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let Setting { name, about, .. } = setting;
     let of = if preset == Preset::Default {
         String::new()
     } else {
         format!(" in the preset {}", preset.name())
     };
-    let below = vec![
-        format!("{about}."),
-        format!("Now {now}{unit}; {default} by default{of}. Possible: {values}."),
-        format!("A change {}.", effect.about()),
-        (*usual).to_owned(),
-    ];
+    let below = about_setting(setting, &format!("Now {now}; {default} by default{of}"));
     let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
     Item { below, ..Item::new(*name, detail, choice).within(setting.heading()) }

@@ -26,7 +26,7 @@ use ratatui::widgets::Paragraph;
 
 use super::layout::ScreenLayout;
 use super::pane_text::{first_lines, wrapped};
-use super::scene::{Cache, Scene};
+use super::scene::{Cache, Drawing, Scene};
 use super::screen::Screen;
 use super::theme::Theme;
 use gdg::text::is_active;
@@ -102,7 +102,8 @@ pub fn draw_panes(
         page.layout.map_pane = map_pane;
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
-        scene.draw(page.frame, [map, info], screen, &mut page.layout, cache);
+        let ScreenPainter { frame, layout, .. } = &mut page;
+        scene.draw([map, info], Drawing { frame, screen, layout, cache });
         bars::draw_hint(&mut page, map);
         caption::draw(&mut page, map);
         if !side.is_empty() {

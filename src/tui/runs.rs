@@ -40,7 +40,7 @@ use super::screen::PATIENCE;
 use super::session::answer::Reply;
 use super::session::elsewhere::TrainedElsewhere;
 use super::theme::{ColourDepth, Theme};
-use crate::experiment::plot::{Axis, Measure};
+use crate::experiment::plot::{Axis, Drawable, Measure};
 use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
 use crate::setup::Setup;
 use gdg::job::{Job, Running};

@@ -2,7 +2,7 @@
 //! Both are painted on a canvas: `ground` and what lies over it, `overlays`; `legend` has their texts.
 
 mod ground;
-mod legend;
+pub mod legend;
 pub mod maze;
 mod overlays;
 mod space;
@@ -19,12 +19,10 @@ use super::action::{Action, Binding, Mode};
 use super::layout::ScreenLayout;
 use super::pane_text::fact;
 use super::screen::Screen;
-use crate::tui::choices::Overlay;
 use gdg::engine::Snapshot;
 use gdg::env::WorldScene;
 use gdg::train::FilmFrame;
 use gdg::viewer::{Field, Graph, View};
-pub use legend::MEANINGS as WALK_MEANINGS;
 pub use maze::{Cache, MazeState};
 pub use space::SpaceState;
 
@@ -33,6 +31,14 @@ pub enum Scene {
     Maze(Box<MazeState>),
     /// An arm, or the space of goals of any other world.
     Space(SpaceState),
+}
+
+/// What a scene is drawn on: `layout` says where things are then, and `cache` what can stay.
+pub struct Drawing<'a, 'b> {
+    pub frame: &'a mut Frame<'b>,
+    pub screen: &'a Screen,
+    pub layout: &'a mut ScreenLayout,
+    pub cache: &'a mut Cache,
 }
 
 /// How a kind of world is shown. Goals and places are `(goal_dim)`.
@@ -83,14 +89,7 @@ pub trait SceneKind {
     fn signs(&self, screen: &Screen) -> Vec<Line<'static>>;
 
     /// Draws the scene into the first area, and the line below it into the second.
-    fn draw(
-        &self,
-        frame: &mut Frame,
-        areas: [Rect; 2],
-        screen: &Screen,
-        layout: &mut ScreenLayout,
-        cache: &mut Cache,
-    );
+    fn draw(&self, areas: [Rect; 2], on: Drawing);
 
     fn start(&mut self, screen: &mut Screen);
 
@@ -151,8 +150,6 @@ impl DerefMut for Scene {
         }
     }
 }
-
-pub const FIRST_OVERLAY: usize = 2;
 
 impl Scene {
     pub fn of(snapshot: &Snapshot) -> Self {
@@ -225,22 +222,5 @@ impl Scene {
 
     pub fn graph(&self) -> &Graph {
         &self.view().graph
-    }
-
-    pub fn overlays(&self, screen: &Screen) -> impl Iterator<Item = Overlay> {
-        legend::overlays(&**self, screen)
-    }
-
-    pub fn legend_lines(&self, screen: &Screen) -> Vec<Line<'static>> {
-        legend::lines(&**self, screen)
-    }
-
-    pub fn both_walks(&self, screen: &Screen) -> Option<Vec<String>> {
-        legend::both_walks(&**self, screen)
-    }
-
-    /// Returns the lines about the walking agent, with sentences within `width` columns.
-    pub fn walk_lines(&self, screen: &Screen, width: usize) -> Vec<Line<'static>> {
-        legend::walk_lines(&**self, screen, width)
     }
 }

@@ -68,8 +68,6 @@ const HATCH: f32 = 0.5;
 /// How far floor without a path fades into the colour of walls, without and with hatching.
 const CUT_OFF_FADES: [f32; 2] = [0.35, 0.75];
 
-const EDGE_TINT: f32 = 0.65;
-
 /// Names of terminals (`TERM`) with 24-bit colours and with 16, or parts of them: over ssh,
 /// `COLORTERM` is usually lost.
 const NAMES_OF_TRUE: [&str; 6] = ["-direct", "kitty", "alacritty", "foot", "wezterm", "ghostty"];
@@ -218,7 +216,7 @@ impl Theme {
 
     pub fn distance_colour(&self, share: f32) -> Rgb {
         match &self.palette {
-            Some(palette) => palette.distance(share),
+            Some(palette) => at(&palette.distances, share),
             None => self.smooth_distance_colour(share),
         }
     }
@@ -235,7 +233,7 @@ impl Theme {
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).
     pub fn error_colour(&self, error: f32) -> Rgb {
         let share = 0.5 + 0.5 * error.clamp(-1.0, 1.0);
-        self.palette.map_or_else(|| sample(self.error, share), |palette| palette.error(share))
+        self.palette.map_or_else(|| sample(self.error, share), |palette| at(&palette.errors, share))
     }
 
     pub fn contour(&self, ground: Rgb) -> Rgb {
@@ -256,11 +254,6 @@ impl Theme {
             || blend(self.unknown, self.wall, fade),
             |palette| palette.unvisited[usize::from(is_hatched)],
         )
-    }
-
-    /// Returns the tint of the edge of the known world, and its opacity.
-    pub fn edge(&self) -> (Rgb, f32) {
-        (self.frontier, EDGE_TINT)
     }
 }
 
@@ -329,16 +322,6 @@ impl Palette {
         });
         let errors = levels().map(|at| nearest_of_256(error(at), |rgb| is_floor(rgb, wall)));
         Self { wall, unvisited: [between, hatched], distances, contours, errors }
-    }
-
-    /// The colour of a distance, as a share of the farthest shown.
-    pub fn distance(&self, share: f32) -> Rgb {
-        at(&self.distances, share)
-    }
-
-    /// The colour of a relative error, from 0 (too short) to 1 (too long).
-    pub fn error(&self, share: f32) -> Rgb {
-        at(&self.errors, share)
     }
 
     /// Returns the colour of a contour line on the colour of a distance.

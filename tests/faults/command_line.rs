@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::{checkpoint, events, folder};
+use crate::ran::words;
 use crate::support::{headless, isolated_command, outcome};
 use gdg::train;
 
@@ -49,18 +50,11 @@ fn counts_are_accepted_as_people_write_them_or_it_is_said_how() {
             status == 0 && output.contains(&format!("\"batch_size\": {count},")),
             "{written}: {errors}"
         );
-        let args = [
-            "--no-ui",
-            "trap",
-            "--max-updates",
-            "0",
-            "--threads",
-            "1",
-            "--eval-tasks",
-            "1",
-            "--seed",
-            written,
-        ];
+        let line = format!(
+            "--no-ui trap --max-updates 0 --threads 1 --eval-tasks 1 --seed \
+            {written}"
+        );
+        let args = words(&line);
         let (status, output, errors) = typed(folder.path(), &args);
         assert!(status == 0 && events(&output)[0]["seed"] == count, "{written}: {errors}");
     }
@@ -146,15 +140,7 @@ fn a_resumed_run_goes_on_in_its_own_table() {
     let common = ["--eval-tasks", "1", "--eval-every-updates", "300", "--threads", "1"];
     let with = |args: &[&'static str]| [args, &common].concat();
     run(&with(&["trap", "--max-updates", "1300", "--csv", "whole.csv"]));
-    run(&with(&[
-        "trap",
-        "--max-updates",
-        "1000",
-        "--csv",
-        "part.csv",
-        "--save",
-        "run.safetensors",
-    ]));
+    run(&with(&words("trap --max-updates 1000 --csv part.csv --save run.safetensors")));
     let part = folder.path().join("part.csv");
     let rows = without_times(&part);
     // A run that has ended is only evaluated again.
@@ -218,17 +204,11 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         ("later.csv", "all of its rows are later"),
     ] {
         let before = std::fs::read(folder.path().join(file)).unwrap();
-        let args = [
-            "--no-ui",
-            "--resume",
-            "run.safetensors",
-            "--max-updates",
-            "1001",
-            "--eval-tasks",
-            "1",
-            "--csv",
-            file,
-        ];
+        let line = format!(
+            "--no-ui --resume run.safetensors --max-updates 1001 --eval-tasks 1 \
+            --csv {file}"
+        );
+        let args = words(&line);
         let (status, output, errors) = typed(folder.path(), &args);
         let errors = one_line(&errors);
         assert!(
@@ -237,15 +217,10 @@ fn a_resumed_run_goes_on_in_its_own_table() {
         );
         assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before);
     }
-    let args = with(&[
-        "--resume",
-        "run.safetensors",
-        "--max-updates",
-        "1200",
-        "--csv",
-        "other.csv",
-        "--overwrite",
-    ]);
+    let args = with(&words(
+        "--resume run.safetensors --max-updates 1200 --csv other.csv \
+        --overwrite",
+    ));
     run(&args);
     assert!(without_times(&folder.path().join("other.csv")).iter().all(|row| row[1] == "1200"));
 }

@@ -294,19 +294,10 @@ fn names_do_not_act_in_a_report() {
     let folder = folder();
     let name = "<b>*a*_`b|[c](d)#";
     std::fs::write(folder.path().join(format!("{name}.map")), ARENA).unwrap();
-    let args = [
-        "suite",
-        ".",
-        "--markdown",
-        "--budget",
-        "2",
-        "--eval-tasks",
-        "1",
-        "--set",
-        "hidden=8",
-        "--set",
-        "learning_starts=100",
-    ];
+    let args = words(
+        "suite . --markdown --budget 2 --eval-tasks 1 --set hidden=8 --set \
+        learning_starts=100",
+    );
     let (status, table, errors) = run(folder.path(), &args);
     assert_eq!(status, 0, "{errors}");
     let escaped = "\\<b\\>\\*a\\*\\_\\`b\\|\\[c\\](d)\\#";

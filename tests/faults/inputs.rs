@@ -84,16 +84,8 @@ fn zsh_takes_the_first_word_for_the_command() {
 fn numbers_are_written_in_one_way_everywhere() {
     let folder = folder();
     for (written, number) in [("60,000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)] {
-        let args = [
-            "--no-ui",
-            "trap",
-            "--max-updates",
-            "0",
-            "--eval-tasks",
-            "1",
-            "--max-seconds",
-            written,
-        ];
+        let line = format!("--no-ui trap --max-updates 0 --eval-tasks 1 --max-seconds {written}");
+        let args = words(&line);
         let (status, _, errors) = typed(folder.path(), &args);
         assert_eq!(status, 0, "{written}: {errors}");
         let set = format!("learning_rate={written}");

@@ -219,8 +219,7 @@ fn autosaving() -> (tempfile::TempDir, Session, PathBuf) {
     let mut session = Session::start(folder.path(), &["trap"]);
     let updates = |path: &PathBuf| train::describe(path).map_or(0, |found| found.updates);
     session.wait(|_| checkpoints(folder.path()).iter().any(|path| updates(path) > 0));
-    session.press(" ");
-    session.wait_for("paused");
+    session.press_for(" ", "paused");
     let autosave = checkpoints(folder.path()).into_iter().max_by_key(updates).unwrap();
     assert!(autosave.to_string_lossy().contains("-auto-"), "{}", autosave.display());
     (folder, session, autosave)
@@ -237,10 +236,8 @@ fn outlives_the_run_that_made_it(file: &Path, folder: &Path, session: &mut Sessi
         let latest = later();
         session.wait(|_| later() > latest);
     }
-    session.press(" ");
-    session.wait_for("paused");
-    session.press("s");
-    session.wait_for("saved saves/trap");
+    session.press_for(" ", "paused");
+    session.press_for("s", "saved saves/trap");
     session.press("q");
     assert_eq!(session.status(), 0);
     assert_eq!(std::fs::read(file).unwrap(), before);
@@ -414,8 +411,7 @@ fn a_name_that_is_too_long_is_refused_where_it_is_typed() {
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
     session.press(":");
-    session.press("save-as\r");
-    session.wait_for("save the checkpoint as");
+    session.press_for("save-as\r", "save the checkpoint as");
     session.press(&format!("{}\r", "x".repeat(300)));
     session.wait_for("more than the 255");
     session.signal("KILL");

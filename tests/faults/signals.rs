@@ -54,24 +54,8 @@ fn full_pipe() -> (PipeReader, File) {
 /// Starts a suite of one job in `folder`, whose checkpoint is saved on a signal.
 fn suite(folder: &Path, errors: Stdio) -> Child {
     let mut command = isolated_command(folder);
-    command.args([
-        "suite",
-        "trap",
-        "--budget",
-        "10000000",
-        "--out",
-        "results",
-        "--set",
-        "hidden=16",
-    ]);
-    command.args([
-        "--set",
-        "candidates=50",
-        "--set",
-        "buffer_size=20000",
-        "--set",
-        "learning_starts=200",
-    ]);
+    command.args(words("suite trap --budget 10000000 --out results --set hidden=16"));
+    command.args(words("--set candidates=50 --set buffer_size=20000 --set learning_starts=200"));
     let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).spawn().unwrap();
     // The log is written once signals are heard and the job runs.
     wait_until("the job does not begin", || folder.join("results/jobs").is_dir());

@@ -15,14 +15,6 @@ fn training(folder: &Path, args: &[&str]) -> Session {
     session
 }
 
-/// Quits without saving.
-fn quit(mut session: Session) {
-    session.press("\x03");
-    session.wait_for_end_or("quit without saving");
-    session.press("\x03");
-    assert_eq!(session.end(), 0);
-}
-
 #[test]
 fn replies_of_the_terminal_are_not_taken_for_keys() {
     let replies = [
@@ -54,7 +46,7 @@ fn replies_of_the_terminal_are_not_taken_for_keys() {
         if longest < LONGEST_PAUSE {
             session.wait_for("paused");
             assert_eq!(unwanted(&session), 0);
-            return quit(session);
+            return assert_eq!(session.interrupt(), 0);
         }
         // A busy machine has sent what a person might have typed.
         session.child.kill().unwrap();
@@ -71,10 +63,8 @@ fn an_answer_that_comes_while_the_program_ends_is_not_left_to_the_shell() {
     session.press("\x03");
     // While the program waits for it.
     std::thread::sleep(Duration::from_millis(100));
-    session.press("\x1b_Gi=31;OK\x1b\\\x1b[6;20;10t\x1b[?62;c");
-    session.wait_for("gdg-bridge on trap, seed 0");
-    session.press("echo an''swer is $((1+1))\r");
-    session.wait_for("answer is 2");
+    session.press_for("\x1b_Gi=31;OK\x1b\\\x1b[6;20;10t\x1b[?62;c", "gdg-bridge on trap, seed 0");
+    session.press_for("echo an''swer is $((1+1))\r", "answer is 2");
     assert!(!session.screen_text().contains("31;OK"), "{}", session.screen_text());
 }
 
@@ -85,9 +75,8 @@ fn a_paste_without_an_end_does_not_keep_the_keyboard() {
     session.press("\x1b[200~abc");
     // Longer than a paste pauses.
     std::thread::sleep(Duration::from_millis(1500));
-    session.press(" ");
-    session.wait_for("paused");
-    quit(session);
+    session.press_for(" ", "paused");
+    assert_eq!(session.interrupt(), 0);
 }
 
 #[test]
@@ -132,7 +121,7 @@ fn the_program_does_not_stop_where_nobody_would_resume_it() {
         session.wait_until_gone("not suspended");
     }
     assert_eq!(session.count(b"\x1b[?1049l"), 0);
-    quit(session);
+    assert_eq!(session.interrupt(), 0);
 }
 
 #[test]
@@ -144,20 +133,15 @@ fn within_a_script_the_shell_is_back_at_once() {
     )
     .unwrap();
     let mut session = Session::start_shell(folder.path());
-    session.press("sh train.sh\r");
-    session.wait_for("training");
-    session.press("\x1a");
-    session.wait_for("Stopped");
-    session.press("echo the pr''ompt\r");
-    session.wait_for("the prompt");
+    session.press_for("sh train.sh\r", "training");
+    session.press_for("\x1a", "Stopped");
+    session.press_for("echo the pr''ompt\r", "the prompt");
     assert!(!session.screen_text().contains("after"), "the script waits too");
-    session.press("fg\r");
-    session.wait_for("training");
+    session.press_for("fg\r", "training");
     session.press("\x03");
     let asks = |session: &Session| session.screen_text().contains("quit without saving");
     session.wait(|session| asks(session) || session.screen_text().contains("after"));
-    session.press("\x03");
-    session.wait_for("after");
+    session.press_for("\x03", "after");
     session.assert_terminal_restored();
 }
 
@@ -231,8 +215,7 @@ fn in_the_background_it_trains_on_leaves_the_terminal_to_the_shell_and_ends_on_a
     shell.wait(|_| state_of(id).starts_with('T'));
     shell.press("bg\r");
     shell.wait(|_| !state_of(id).starts_with('T'));
-    shell.press("kill %1\r");
-    shell.wait_for("saved kept.safetensors");
+    shell.press_for("kill %1\r", "saved kept.safetensors");
     assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
 }
 
@@ -271,7 +254,7 @@ fn a_fifo_in_the_place_of_the_log_does_not_hold_up_the_start() {
                 .success()
         );
     }
-    quit(training(folder.path(), &["trap"]));
+    assert_eq!(training(folder.path(), &["trap"]).interrupt(), 0);
 }
 
 #[test]
@@ -280,12 +263,11 @@ fn a_long_name_does_not_hide_the_phase() {
     let name = format!("{}.txt", "a-long-name-".repeat(8));
     std::fs::write(folder.path().join(&name), "S....\n.....\n....G\n").unwrap();
     let mut session = training(folder.path(), &[&name]);
-    session.press(" ");
-    session.wait_for(" paused");
+    session.press_for(" ", " paused");
     assert!(
         session.screen_text().lines().next().unwrap().contains("paused"),
         "{}",
         session.screen_text()
     );
-    quit(session);
+    assert_eq!(session.interrupt(), 0);
 }

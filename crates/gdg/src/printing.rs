@@ -196,8 +196,7 @@ impl OutputStream {
         self.changed.notify_all();
     }
 
-    /// Writes all of `bytes`, and waits where a reader shares a pipe or terminal that does not
-    /// block.
+    /// Writes all of `bytes`, and waits where a pipe or terminal that is shared does not block.
     fn write_all(&self, mut bytes: &[u8]) -> io::Result<()> {
         while !bytes.is_empty() {
             match (self.write)(&bytes[..bytes.len().min(CHUNK)]) {
@@ -235,8 +234,7 @@ pub fn print_text(text: &str) -> io::Result<()> {
     }
 }
 
-/// Prints a line to standard error, made safe to display: it may quote names and files. Ignores
-/// write errors: if standard error is gone, there is nowhere to report them.
+/// Prints a line to standard error, made safe to display. Where that is gone, nothing can be reported.
 pub fn eprint_line(line: &str) {
     eprint_raw(&sanitized_lines(line));
 }

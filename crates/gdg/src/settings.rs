@@ -253,10 +253,6 @@ impl Values {
         matches!(self.kind, ValueKind::Count { .. })
     }
 
-    pub fn are_switch(&self) -> bool {
-        self.kind == ValueKind::Switch
-    }
-
     /// Whether `value` is one of them, as JSON.
     pub fn accept(&self, value: &Value) -> bool {
         // As the field reads it.

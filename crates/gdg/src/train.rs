@@ -27,7 +27,8 @@ pub use crate::settings::{Effect, Preset, Setting, USUAL};
 use crate::store::StoreError;
 pub use checkpoint::{
     CheckpointError, RunDescription, SaveTo, describe, from_bytes, is_checkpoint, is_own, load,
-    load_with, read_history, read_saved, remove_own, save, to_bytes, with_changed_state,
+    load_with, read_history, read_saved, remove_own, save, save_or_else, to_bytes,
+    with_changed_state,
 };
 pub use dataset::{DataSource, Dataset, data_file};
 pub use evaluate::{EvaluationJob, TaskWalk};
@@ -44,8 +45,9 @@ pub use score::{
 };
 pub use settings::{SETTINGS, Settings, TrainSettings};
 pub use settings_file::{
-    ConfigError, Overrides, changed_from, list_settings, print_settings, reference_page,
-    settings_from, settings_from_text, settings_in_world, with_setting,
+    ConfigError, Overrides, about_setting, changed_from, list_settings, print_settings,
+    reference_page, setting_page, settings_from, settings_from_text, settings_in_world,
+    with_setting,
 };
 pub use trainer::{About, Edit, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
 pub use training_loop::{EvaluateAt, Schedule, TrainingEvent, TrainingLoop};

@@ -8,7 +8,9 @@ use super::MethodRuns;
 use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
-use crate::experiment::plot::{Axis, Points, SeedCurves, csv_of, table, write_unless_edited};
+use crate::experiment::plot::{
+    Axis, Drawable, Points, SeedCurves, csv_of, table, write_unless_edited,
+};
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
 use crate::figure::{Anchor, Chart, ChartPage, MILLIMETRE, Mark, Sheet, fitted, round_top};

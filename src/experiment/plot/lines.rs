@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use miette::{Report, miette};
 
-use super::{By, Measure, PlotOptions, csv_of};
+use super::{By, Drawable, Measure, PlotOptions, csv_of};
 use crate::experiment::saved_runs::{CIRCUMSTANCES, SavedRun};
 use crate::experiment::spec::told_apart;
 use crate::figure::{Chart, Curve, Point, colour, round_top};

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::read_records::{join, whole};
+use super::join::{join, whole};
 use super::{SavedRun, Stamp, file, files_of, stamp};
 use crate::setup::saves::{SAVES, files_in};
 use gdg::files::is_hidden;
@@ -227,6 +227,7 @@ mod tests {
             let runs = reader.read().expect("records");
             (runs.len(), runs[0].seed, runs[0].updates)
         };
+        assert_eq!(read(String::new()), (1, 0, 0), "it has just begun");
         assert_eq!(read(records(1_000)), (1, 3, 1_000));
         // What was read before is not read again.
         let rest = "?".repeat(records(1_000).len() - START.len() - 1);

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::{Action as A, Binding, Both, ListAction, Mode, Section};
+use crate::experiment::plot::Drawable;
 use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
 use crate::tui::interface::TerminalRequest;
@@ -326,7 +327,7 @@ const PANES: &[Binding] = &[
 
 const MAP_EDITOR: &[Binding] = &[
     edit(A::ToggleEdit, "edit", &["e"])
-        .about("open or close the editor", "draw walls change map modify doors")
+        .about("open or close the editor", "draw walls change create map modify doors")
         .short("edit"),
     tool(A::Tool(Tool::Pencil), "pencil", &["1"])
         .about("draw walls (drag; right-drag: floor)", "block obstacle"),
@@ -345,7 +346,7 @@ const MAP_EDITOR: &[Binding] = &[
         .about("write the map to a file", "save export store world")
         .first(),
     bind(A::OpenMap, "open-map", &["shift-o"], |s, _| disk::pick_map(s, None))
-        .about("open another map", "load file choose switch world random empty new arm"),
+        .about("open another map", "load file choose switch world random empty new create arm"),
 ];
 
 const FILES: &[Binding] = &[

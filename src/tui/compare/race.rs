@@ -26,6 +26,8 @@ pub struct Race {
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
     over: Option<Instant>,
+    /// Whether races are worth watching, as one of both reaches most goals; before, they only try.
+    pub is_on: bool,
     /// Races that each side has finished at the goal, and all that are over.
     pub results: ([u32; 2], u32),
     /// Separate, so that training does not depend on the display.
@@ -42,6 +44,7 @@ impl Race {
             requests: [0; 2],
             arrived: [None; 2],
             over: None,
+            is_on: false,
             results: ([0; 2], 0),
             rng: ChaCha8Rng::seed_from_u64(seed),
         }

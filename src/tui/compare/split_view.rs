@@ -21,13 +21,14 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{Comparison, LETTERS, maze_of};
+use crate::experiment::plot::Drawable;
 use crate::tui::action::{Action, Mode};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::short;
-use crate::tui::render::curves::{Axes, ChartLine, PaneCurve, chart_heading, draw_chart};
+use crate::tui::render::curves::{Axes, ChartLine, PaneCurve, draw_chart, draw_heading};
 use crate::tui::render::dialog::draw_dialog;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
-use crate::tui::scene::SceneKind;
+use crate::tui::scene::{Drawing, SceneKind};
 use crate::tui::screen::success_of;
 use crate::tui::session::{Cx, Session};
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
@@ -86,7 +87,8 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         drawn[own].map_pane = map;
         let Session { cx: Cx { screen, scene, .. }, cache, .. } = &mut comparison.sessions[own];
         if let Some(maze) = scene.maze() {
-            maze.draw(frame, [map, meaning], screen, &mut drawn[own], cache);
+            let layout = &mut drawn[own];
+            maze.draw([map, meaning], Drawing { frame, screen, layout, cache });
         }
         if screen.past.is_none() {
             let walks = bars::walks(screen, scene);
@@ -279,12 +281,9 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let now =
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
-    let title = Span::styled(format!(" success over {}", comparison.axis.label()), BOLD);
-    let lines = chart_heading(&title, all.iter().map(PaneCurve::label), area.width);
-    let [head, body] =
-        Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    let title = format!(" success over {}", comparison.axis.label());
+    let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     layout.add(head, Click::Act(Action::Axis));
-    frame.render_widget(Paragraph::new(lines), head);
     if all.iter().all(|curve| curve.points.is_empty()) {
         frame.render_widget(Paragraph::new(" not evaluated yet").style(DIM), body);
         return;

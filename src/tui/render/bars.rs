@@ -15,6 +15,7 @@ use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::scene::Scene;
+use crate::tui::scene::legend::both_walks;
 use crate::tui::scene::maze::Editor;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
@@ -96,7 +97,7 @@ pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
 
 /// Says how walks go, with and without a plan.
 pub fn walks(screen: &Screen, scene: &Scene) -> Vec<Hint> {
-    let texts = scene.both_walks(screen).into_iter().flatten();
+    let texts = both_walks(&**scene, screen).into_iter().flatten();
     texts.map(|text| (text + " ", Vec::new())).collect()
 }
 

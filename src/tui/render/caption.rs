@@ -1,6 +1,5 @@
 //! The caption of the guided tour: a box beside what it explains, never over it.
 
-use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -9,10 +8,10 @@ use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 use super::ScreenPainter;
 use crate::tui::action::Action;
 use crate::tui::characters::{put, put_letter};
-use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::pane_text::wrapped;
 use crate::tui::scene::MazeState;
-use crate::tui::screen::{Screen, ShownStep};
+use crate::tui::screen::ShownStep;
 use crate::tui::theme::{BOLD, ColourDepth, REVERSED};
 
 /// Widths of the box that are tried, in columns, and what border and padding take.
@@ -48,7 +47,7 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let others = characters(&others.collect::<Vec<_>>());
     let Some(place) = place(area, tour, &subject, &others, screen.layout.tour) else { return };
     layout.tour = Some((tour.step, place));
-    draw_box(frame, place, screen, tour, layout);
+    draw_box(page, place, tour);
 }
 
 /// Returns the rows that the text takes in a box of `width` columns, border included.
@@ -98,13 +97,8 @@ fn distance(rect: Rect, at: Position) -> f32 {
     (across / 2.0).hypot(down)
 }
 
-fn draw_box(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &Screen,
-    tour: &ShownStep,
-    layout: &mut ScreenLayout,
-) {
+fn draw_box(page: &mut ScreenPainter, area: Rect, tour: &ShownStep) {
+    let ScreenPainter { frame, screen, layout, .. } = page;
     let title = Line::styled(format!(" {} ", tour.title), BOLD.patch(REVERSED));
     let border = match screen.theme.depth {
         ColourDepth::Mono => BOLD,

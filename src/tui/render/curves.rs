@@ -9,7 +9,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
 use super::ScreenPainter;
-use crate::experiment::plot::Axis;
+use crate::experiment::plot::{Axis, Drawable};
 use crate::tui::layout::ChartArea;
 use crate::tui::pane_text::{fitted_lines, short};
 use crate::tui::screen::Screen;
@@ -145,11 +145,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, mut plot: Plot) -> 
         names.extend(of_marks.iter().map(|name| Span::styled(format!("  {MARK} {name}"), DIM)));
     }
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let heading = chart_heading(&Span::styled(title, BOLD), names.into_iter(), area.width);
-    let [head, body] =
-        Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
-            .areas(area);
-    frame.render_widget(Paragraph::new(heading), head);
+    let [_, body] = draw_heading(frame, area, title, names.into_iter());
     let values = || plot.curves.iter().flat_map(|curve| &curve.points).map(|point| point.1);
     if values().next().is_none() {
         let known = !screen.snapshot.evaluations.is_empty();
@@ -283,21 +279,26 @@ pub struct ChartLine<'a> {
     pub points: &'a [(f64, f64)],
 }
 
-/// Returns a chart's title, followed by the names of its curves, in two lines at most.
-pub fn chart_heading(
-    title: &Span<'static>,
+/// Draws a chart's title, followed by the names of its curves, in two lines at most; returns their
+/// area and what is left below.
+pub fn draw_heading(
+    frame: &mut Frame,
+    area: Rect,
+    title: String,
     names: impl Iterator<Item = Span<'static>>,
-    width: u16,
-) -> Vec<Line<'static>> {
-    let mut lines = vec![Line::from(title.clone())];
+) -> [Rect; 2] {
+    let mut lines = vec![Line::from(Span::styled(title, BOLD))];
     for name in names {
         let used = lines.last().map_or(0, Line::width);
-        if used + name.width() > usize::from(width) && lines.len() < MAX_NAME_LINES {
+        if used + name.width() > usize::from(area.width) && lines.len() < MAX_NAME_LINES {
             lines.push(Line::default());
         }
         lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
     }
-    fitted_lines(lines, width)
+    let rows = [Constraint::Length(lines.len() as u16), Constraint::Min(0)];
+    let areas: [Rect; 2] = Layout::vertical(rows).areas(area);
+    frame.render_widget(Paragraph::new(fitted_lines(lines, area.width)), areas[0]);
+    areas
 }
 
 pub struct Axes {

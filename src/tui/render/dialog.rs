@@ -81,7 +81,8 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     }
     frame.render_widget(Paragraph::new(lines), list);
     if !below.is_empty() {
-        let text = text_below(picker, columns, labels);
+        let text =
+            picker.item().map_or(Vec::new(), |item| text_below(picker, item, columns, labels));
         let text = first_lines(text, usize::from(below.height) - 1, columns);
         let text: Vec<Line> = text.into_iter().map(|row| Line::from(format!(" {row}"))).collect();
         frame.render_widget(Paragraph::new(text).block(Block::new().borders(Borders::TOP)), below);
@@ -125,12 +126,12 @@ fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
     columns.saturating_sub(display_width(&item.label).max(labels) + LABEL_MARGIN + key)
 }
 
-/// Returns the rows for the full text of what is selected, and a line above it; none if it fits.
+/// Returns the rows for the full text of what is selected, and a line above it; none if it fits. A
+/// question stays as high as its longest text needs.
 fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
-    match text_below(picker, columns, labels).len() as u16 {
-        0 => 0,
-        rows => 1 + rows,
-    }
+    let all = picker.items().filter(|_| picker.is_question()).chain(picker.item());
+    let rows = all.map(|item| text_below(picker, item, columns, labels).len()).max().unwrap_or(0);
+    if rows == 0 { 0 } else { 1 + rows as u16 }
 }
 
 fn fits(item: &Item, labels: usize, columns: usize) -> bool {
@@ -139,25 +140,19 @@ fn fits(item: &Item, labels: usize, columns: usize) -> bool {
     item.below.is_empty() && is_told && is_whole
 }
 
-/// Returns all about the selected item, or in a question about all items that do not fit.
-fn text_below(picker: &Picker, columns: usize, labels: usize) -> Vec<String> {
-    if picker.is_question() {
-        let cut = picker.items().filter(|item| !fits(item, labels, columns));
-        return cut.flat_map(|item| full_text(item, columns)).collect();
+/// Returns everything about an item that does not fit its row, or of which in a question another one
+/// does not, in rows of `columns` with a blank on either side.
+fn text_below(picker: &Picker, item: &Item, columns: usize, labels: usize) -> Vec<String> {
+    let mut all = picker.items().filter(|_| picker.is_question()).chain([item]);
+    if all.all(|item| fits(item, labels, columns)) {
+        return Vec::new();
     }
-    let cut = picker.item().filter(|item| !fits(item, labels, columns));
-    cut.map_or(Vec::new(), |item| full_text(item, columns))
-}
-
-/// Returns everything about an item, in rows of `columns` with a blank on either side.
-fn full_text(item: &Item, columns: usize) -> Vec<String> {
     let columns = columns.saturating_sub(2).max(1);
     if item.below.is_empty() && item.detail.is_empty() {
         return wrapped(&item.label, columns);
     }
     if item.below.is_empty() {
-        let key = item.key.map_or(String::new(), |key| format!("{key} "));
-        return wrapped(&format!("{key}{}: {}", item.label, item.detail), columns);
+        return wrapped(&format!("{}: {}", item.label, item.detail), columns);
     }
     item.below.iter().flat_map(|line| wrapped(line, columns)).collect()
 }
@@ -175,13 +170,10 @@ fn row_line(row: &PickerRow, labels: usize, columns: usize) -> Line<'static> {
     let rest = room_beside(item, labels, columns);
     let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
     let most = columns.saturating_sub(LABEL_MARGIN + key);
-    // A question has all of what does not fit below its rows.
-    let detail =
-        if item.key.is_some() && display_width(&item.detail) > rest { "" } else { &item.detail };
     let text = Line::from(vec![
         Span::styled(sign, BOLD),
         Span::raw(format!("{}  ", padded(&fitted(&item.label, most), labels))),
-        Span::styled(padded(&fitted(detail, rest), rest), DIM),
+        Span::styled(padded(&fitted(&item.detail, rest), rest), DIM),
     ]);
     text.style(if *selected { REVERSED } else { Style::new() })
 }

@@ -13,7 +13,7 @@ use crate::tui::action::Action;
 use crate::tui::choices::Pane;
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::pane_text::{EXPLAINED_WIDTH, explain, fitted_lines};
-use crate::tui::scene::{FIRST_OVERLAY, Scene, WALK_MEANINGS};
+use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, DIM, REVERSED};
 
@@ -73,13 +73,13 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
         Pane::Training => Some(training::lines(screen, scene, width.into(), screen.maximised)),
         Pane::Walk => {
             let width = usize::from(width);
-            let mut lines = scene.walk_lines(screen, width);
+            let mut lines = legend::walk_lines(&**scene, screen, width);
             if width >= EXPLAINED_WIDTH {
-                lines.iter_mut().for_each(|line| explain(line, WALK_MEANINGS));
+                lines.iter_mut().for_each(|line| explain(line, legend::MEANINGS));
             }
             Some(lines)
         }
-        Pane::Legend => Some(scene.legend_lines(screen)),
+        Pane::Legend => Some(legend::lines(&**scene, screen)),
         Pane::Curves => None,
     }
 }
@@ -119,7 +119,7 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
         }
     }
     if pane == Pane::Legend {
-        let rows = inner.rows().skip(FIRST_OVERLAY).zip(scene.overlays(screen));
+        let rows = inner.rows().skip(legend::FIRST_OVERLAY).zip(legend::overlays(&**scene, screen));
         clicks.extend(rows.map(|(row, overlay)| (row, Action::Toggle(overlay))));
     }
     clicks.push((Rect { height: 1, ..area }, Action::Show(pane)));
@@ -130,10 +130,7 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
 /// keys of those that are not selected.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
-    let tabs = Pane::ALL.map(|pane| {
-        let name = if pane == Pane::Legend { scene.noun() } else { pane.name() };
-        (screen.keymap.key_of(Action::Show(pane)), name)
-    });
+    let tabs = Pane::ALL.map(|pane| (screen.keymap.key_of(Action::Show(pane)), pane.name()));
     let formats: [fn(&str, &str, bool) -> String; 4] = [
         |key, name, _| format!(" {key} {name} "),
         |key, name, _| format!("{key} {name} "),

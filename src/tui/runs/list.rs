@@ -257,6 +257,7 @@ fn awaited(run: &SavedRun) -> String {
         Some(at.strftime("at about %R").to_string())
     };
     let when = match &run.saves {
+        _ if run.method.is_empty() => "as it begins".to_owned(),
         Some((_, every)) => every.and_then(due).unwrap_or("at its end".to_owned()),
         None => "at no time: it has no --save".to_owned(),
     };

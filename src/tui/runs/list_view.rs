@@ -22,13 +22,13 @@ use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 
 use super::RunsScreen;
 use super::list::List;
-use crate::experiment::plot::Measure;
+use crate::experiment::plot::{Drawable, Measure};
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::pane_text::{fitted_line, wrapped};
-use crate::tui::render::curves::{Axes, PaneCurve, chart_heading, draw_chart};
+use crate::tui::render::curves::{Axes, PaneCurve, draw_chart, draw_heading};
 use crate::tui::render::dialog::draw_picker;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::theme::{BOLD, DIM, REVERSED, Theme};
@@ -257,13 +257,8 @@ fn draw_curves(
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
     let title = format!(" {} over {}", measure.label(), axis.label());
-    let heading =
-        chart_heading(&Span::styled(title, BOLD), all.iter().map(PaneCurve::label), area.width);
-    let [head, body] =
-        Layout::vertical([Constraint::Length(heading.len() as u16), Constraint::Min(0)])
-            .areas(area);
+    let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     layout.add(Rect { height: 1, ..head }, Click::Act(Action::List(ListAction::Axis)));
-    frame.render_widget(Paragraph::new(heading), head);
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
         let is_evaluated = runs.iter().any(|(_, run)| !run.evaluations.is_empty());

@@ -2,14 +2,15 @@
 
 use std::sync::Arc;
 
-use crate::tui::canvas::shade;
-use crate::tui::canvas::{Canvas, Ground};
+use crate::tui::canvas::{Canvas, Ground, shade};
 use crate::tui::characters::{CUT_OFF_MARK, UNVISITED_MARK, WALL_MARK};
 use crate::tui::theme::{ColourDepth, Rgb, Theme, blend};
 use gdg::viewer::Field;
 
 /// Relative error from which the colour is the strongest.
 pub const MAX_SHOWN_ERROR: f32 = 0.5;
+
+const EDGE_TINT: f32 = 0.65;
 
 /// Number of shades from near to far, and the shade of an unknown value.
 const COUNT: usize = 1024;
@@ -178,8 +179,7 @@ pub fn draw(
                 GroundKind::Outside => outside,
             };
             if is_edge && !is_mono && is_beside(x, y) {
-                let (edge, share) = theme.edge();
-                rgb = blend(rgb, edge, share);
+                rgb = blend(rgb, theme.frontier, EDGE_TINT);
             }
             if wall > 0.0 {
                 rgb = blend(rgb, theme.wall, wall);

@@ -95,6 +95,9 @@ pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'sta
         .unwrap_or_else(|| Line::raw(format!(" {} only ", scene.noun())))
 }
 
+/// The row of the legend that its overlays begin in.
+pub const FIRST_OVERLAY: usize = 2;
+
 /// Returns the legend: the colour scale, a line for each available overlay with its sign, and signs.
 pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
     let scale = scale_of(scene, screen, SHORT_BAR_WIDTH);

@@ -10,12 +10,11 @@ use std::time::Instant;
 
 use crossterm::event::{MouseButton, MouseEventKind};
 use rand::RngExt;
-use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use super::SceneKind;
 use super::legend::{contour_text, draw_scale};
+use super::{Drawing, SceneKind};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Prompt, Question};
 use crate::tui::layout::ScreenLayout;
@@ -144,15 +143,9 @@ impl SceneKind for MazeState {
         legend(self, screen)
     }
 
-    fn draw(
-        &self,
-        frame: &mut Frame,
-        [area, info]: [Rect; 2],
-        screen: &Screen,
-        layout: &mut ScreenLayout,
-        cache: &mut Cache,
-    ) {
-        map_pixels::draw(frame, area, self, screen, layout, cache);
+    fn draw(&self, [area, info]: [Rect; 2], mut on: Drawing) {
+        map_pixels::draw(area, self, &mut on);
+        let Drawing { frame, screen, layout, .. } = on;
         if let Some(cell) = self.inspecting.or(self.hovered) {
             let facts = Line::from(cell_facts(self, cell));
             return frame.render_widget(fitted_line(facts, info.width), info);

@@ -6,11 +6,10 @@ mod planes;
 use std::sync::Arc;
 
 use crossterm::event::{MouseButton, MouseEventKind};
-use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::Line;
 
-use super::{Cache, SceneKind};
+use super::{Drawing, SceneKind};
 use crate::tui::action::{Action, Binding};
 use crate::tui::choices::{Overlay, Pane};
 use crate::tui::layout::ScreenLayout;
@@ -296,15 +295,8 @@ impl SceneKind for SpaceState {
         planes::legend(self, screen)
     }
 
-    fn draw(
-        &self,
-        frame: &mut Frame,
-        areas: [Rect; 2],
-        screen: &Screen,
-        layout: &mut ScreenLayout,
-        _cache: &mut Cache,
-    ) {
-        planes::draw(frame, areas, self, screen, layout);
+    fn draw(&self, areas: [Rect; 2], on: Drawing) {
+        planes::draw(areas, self, on);
     }
 
     fn start(&mut self, screen: &mut Screen) {

@@ -11,7 +11,7 @@ use super::{Cx, Session};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::logging;
 use crate::process::waiting::{TWICE, Waiting};
-use crate::setup::outputs::{elsewhere, save_elsewhere};
+use crate::setup::outputs::{elsewhere, to_elsewhere};
 use crate::setup::saves::{SAVES, resume_command};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::interface::ClosedRun;
@@ -373,13 +373,10 @@ fn save_last(
 ) -> Result<(), Report> {
     let _ = trainer.ensure_finite();
     trainer.set_notes(notes);
-    let (path, saved) = match train::save(&trainer, to) {
-        Ok(path) => (Some(path), Ok(())),
-        Err(error) => (save_elsewhere(&trainer, to.path()), Err(from_checkpoint_error(error))),
-    };
-    let saved_to = path.map(|path| (trainer.counters().updates, Arc::new(path)));
-    snapshot.saved = saved_to.or(snapshot.saved.take());
-    saved
+    let (path, why) = train::save_or_else(&trainer, to, to_elsewhere(to.path()))
+        .map_err(from_checkpoint_error)?;
+    snapshot.saved = Some((trainer.counters().updates, Arc::new(path)));
+    why.map_or(Ok(()), |error| Err(from_checkpoint_error(error)))
 }
 
 /// Says which files there are, a line each, and how much is in none of them.

@@ -3,13 +3,12 @@
 //! `STEPS` is the table of steps: a step ends a while after what it explains has been seen, or at its
 //! time limit. Whatever the tour does, it does by the same commands as the user.
 
+mod bridge;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::{Cx, watching};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-
 use crate::tui::action::Action;
 use crate::tui::choices::Overlay;
 use crate::tui::scene::MazeState;
@@ -17,9 +16,8 @@ use crate::tui::scene::maze;
 use crate::tui::screen::{Caption, Screen, ShownStep};
 use crate::tui::theme::ColourDepth;
 use crate::tui::viewport::Viewport;
+use bridge::TourBridge;
 use gdg::bridge::{BridgePoint, SearchOutcome};
-use gdg::engine::Networks;
-use gdg::env::{Environment, PointMaze};
 use gdg::learn::Scratch;
 use gdg::map::{Cell, Grid};
 use gdg::train::{Method, Preset, Run};
@@ -247,28 +245,13 @@ const DOORS: [([Cell; 2], Cell); 2] = [
     ([Cell::new(40, 72), Cell::new(47, 79)], Cell::new(36, 76)),
 ];
 
+const SEARCHES_PER_SECOND: f32 = 3.0;
+
 /// How many times as far it must be round a closed door.
 const LONGER: f32 = 2.5;
 
 /// Cells between points of a line that captions do not cover.
 const SPACING: f32 = 2.0;
-
-/// Candidates among which one look searches for a bridge, and how far apart the samples of two looks
-/// are.
-const SAMPLE: usize = 64;
-const NEXT_SAMPLE: usize = 41;
-
-/// What a bridge must be to be clear to see: the least D(s,g) in steps, the least that it saves of
-/// that in steps and as a share, and the least share of either part of the way, so that the bridge
-/// is between start and goal.
-const LEAST_DIRECT_STEPS: f32 = 30.0;
-const LEAST_GAIN_STEPS: f32 = 6.0;
-const LEAST_GAIN: f32 = 0.15;
-const LEAST_PART: f32 = 0.2;
-
-/// How much longer a walk may be, as a share of what the bridge saves, and how many a look tries.
-const WALK_SHARE: f32 = 0.4;
-const MOST_WALKS: usize = 8;
 
 pub struct TourStep {
     pub title: &'static str,
@@ -293,7 +276,7 @@ const fn step(
 pub const STEPS: &[TourStep] = &[
     step("No reward", [8.0, 8.0], |tour, cx| tour.aim_at(GOAL_AT_WALL, cx), wandering),
     step("D bends", [7.0, 25.0], |_, _| {}, bending),
-    step("A bridge", [16.0, 34.0], |_, _| {}, bridge),
+    step("A bridge", [16.0, 45.0], |_, _| {}, explain_bridge),
     step("A plan", [1.5, 16.0], aim_far, plan),
     step("A door closes", [5.0, 24.0], close_door, closed),
     step("Now you", [14.0, 14.0], open_door, now_you),
@@ -349,89 +332,15 @@ fn bending(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
     Some(Caption { text, subject, marks: vec![(behind, 'P')], seen })
 }
 
-/// A place B with D(S,B) + D(B,G) far below D(S,G).
-#[derive(Clone, Copy)]
-pub struct TourBridge {
-    /// S, B and G: centres of cells, where goal and agent are put.
-    stops: [[f32; 2]; 3],
-    /// D(S,B), D(B,G) and D(S,G).
-    distances: [f32; 3],
-}
-
-impl TourBridge {
-    fn gain(&self) -> f32 {
-        let [first, second, direct] = self.distances;
-        direct - first - second
-    }
-
-    fn is_clear(&self) -> bool {
-        let [first, second, direct] = self.distances;
-        direct >= LEAST_DIRECT_STEPS
-            && self.gain() >= LEAST_GAIN_STEPS.max(LEAST_GAIN * direct)
-            && first.min(second) >= LEAST_PART * direct
-    }
-}
-
-/// Returns the best bridge between any two of a sample of candidates, by the learned D; the best first.
-pub fn clearest(networks: &Networks, sample: usize) -> Vec<TourBridge> {
-    let (places, _) = networks.candidates.points().as_chunks::<2>();
-    let n = places.len().min(SAMPLE);
-    let place = |i: usize| places[(sample * NEXT_SAMPLE + i * places.len() / n) % places.len()];
-    let sample: Vec<[f32; 2]> = (0..n).map(|i| place(i).map(|v| v.floor() + 0.5)).collect();
-    let mut distances = vec![0.0; n * n];
-    let from: Vec<f32> = sample.iter().flat_map(|at| at.repeat(n)).collect();
-    let to = sample.as_flattened().repeat(n);
-    networks.policy.distances(&from, &to, &mut distances, &mut Scratch::default());
-    let d = |from: usize, to: usize| distances[from * n + to].round();
-    let best = |ends: usize| {
-        let (start, goal) = (ends / n, ends % n);
-        let over = |bridge| TourBridge {
-            stops: [start, bridge, goal].map(|i| sample[i]),
-            distances: [d(start, bridge), d(bridge, goal), d(start, goal)],
-        };
-        let clear = (0..n).map(over).filter(TourBridge::is_clear);
-        clear.max_by(|a, b| a.gain().total_cmp(&b.gain()))
-    };
-    let mut bridges: Vec<TourBridge> = (0..n * n).filter_map(best).collect();
-    bridges.sort_by(|a, b| b.gain().total_cmp(&a.gain()));
-    bridges
-}
-
-/// Returns the first of `bridges` over which the actor takes about as many steps as D says.
-pub fn borne_out(
-    bridges: &[TourBridge],
-    networks: &Networks,
-    map: &Arc<Grid>,
-) -> Option<TourBridge> {
-    let (mut rng, mut scratch) = (ChaCha8Rng::seed_from_u64(0), Scratch::default());
-    let mut holds = |bridge: &&TourBridge| {
-        let ([start, over, goal], [first, second, _]) = (bridge.stops, bridge.distances);
-        let mut maze = PointMaze::new(map.clone(), 1);
-        // A maze never fails.
-        let _ = maze.set_full_state(0, &start.map(f64::from));
-        let most = first + second + WALK_SHARE * bridge.gain();
-        let (mut ahead, mut action) = ([goal, over].to_vec(), [0.0; 2]);
-        (0..most as u32).any(|_| {
-            let Some(aim) = ahead.last() else { return true };
-            networks.policy.actions(maze.states(), aim, &mut action, &mut scratch);
-            let _ = maze.step(&action, &mut rng);
-            ahead.pop_if(|aim| maze.spec().reached(maze.states(), aim));
-            ahead.is_empty()
-        })
-    };
-    bridges.iter().take(MOST_WALKS).find(&mut holds).copied()
-}
-
 /// Looks for a bridge, and puts start and goal at its ends.
 fn find_bridge(tour: &mut Tour, cx: &mut Cx) {
-    // A search takes a moment, so there is one a second.
-    if (tour.searches as f32) > tour.elapsed {
+    // A search takes a moment.
+    if (tour.searches as f32) > SEARCHES_PER_SECOND * tour.elapsed {
         return;
     }
     tour.searches += 1;
     let (networks, Some(maze)) = (&cx.screen.snapshot.networks, cx.scene.maze()) else { return };
-    let bridges = clearest(networks, tour.searches);
-    let Some(found) = borne_out(&bridges, networks, &maze.map) else { return };
+    let Some(found) = bridge::find(networks, &maze.map, tour.searches) else { return };
     let [start, point, goal] = found.stops;
     let bridge = BridgePoint { point: point.to_vec(), gain: found.gain() };
     cx.screen.explained = Some(Arc::new(SearchOutcome {
@@ -448,7 +357,7 @@ fn find_bridge(tour: &mut Tour, cx: &mut Cx) {
     tour.shows_search |= show_overlay(Overlay::Search, true, cx);
 }
 
-fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
+fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     if tour.bridge.is_none() {
         find_bridge(tour, cx);
     }
@@ -462,14 +371,16 @@ fn bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
         let subject = vec![goal];
         return Some(Caption { text: text.to_owned(), subject, ..Caption::default() });
     };
-    let state = if walk.arrived { "is there after" } else { "has taken" };
-    let so = if walk.steps as f32 > direct { ", more than D says: it still learns" } else { "" };
+    // What is seen may still be the walk before.
+    let is_own = walk.start == start && maze.view.goal.1 == cx.screen.goal_request;
+    let steps = if is_own { walk.steps } else { 0 };
+    let state = if is_own && walk.arrived { "is there after" } else { "has taken" };
+    let so = if steps as f32 > direct { ", more than D says: it still learns" } else { "" };
     let text = format!(
         "D(S,G) = {direct:.0} steps, but over B, along the line, D says less: D(S,B) + D(B,G) = {first:.0} + {second:.0} = \
          {:.0}. D is better at short ways than at long ones: a bridge makes one hard task two easier ones. @ walks from S to \
-         G and {state} {} steps{so}. The map shows D(S,.) + D(.,G), least at good bridges.",
-        first + second,
-        walk.steps
+         G and {state} {steps} steps{so}. The map shows D(S,.) + D(.,G), least at good bridges.",
+        first + second
     );
     // Wherever the three are, there is room for the box beside them; a whole line may leave none.
     Some(Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true })
@@ -560,27 +471,4 @@ fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
     let walker = maze.walker().unwrap_or(maze.goal.centre());
     let subject = vec![maze.goal.centre(), walker];
     Some(Caption { text, subject, marks: Vec::new(), seen: true })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use gdg::engine::Snapshot;
-    use gdg::map::builtin;
-    use gdg::train::{Registry, Trainer};
-
-    #[test]
-    fn the_tours_own_run_has_clear_bridges_early_in_training() {
-        let world = PointMaze::new(Arc::new(builtin(MAP).expect("a map")), 0);
-        let mut trainer = Trainer::new(run(), &world, &Registry::builtin(), 2).expect("a run");
-        // The tour has shown a bridge by then, at the speed of two cores.
-        while trainer.counters().updates < 3_000 {
-            trainer.tick().expect("a tick");
-        }
-        let networks = Snapshot::capture(&trainer).expect("a snapshot").networks.clone();
-        let is_found =
-            |i: &usize| borne_out(&clearest(&networks, *i), &networks, world.map()).is_some();
-        let found = (0..10).filter(is_found).count();
-        assert!(found > 1, "in {found} of 10 samples");
-    }
 }

@@ -80,6 +80,8 @@ const ROWS: &[ScreenTest] = &[
     // Help, the list of all actions, and keys without a meaning.
     (New, TINY, "?", &["the learned distance", "pause or"], &[]),
     (New, SMALL, "?undo", &["undo an edit"], &["pause or resume"]),
+    (New, SMALL, "?s", &["> s", "put @ at the cursor or goal", "save a checkpoint"], &["pause or"]),
+    (New, SMALL, "?create", &["open another map", "open or close the editor"], &[]),
     (New, SMALL, "??", &["q quit"], &["pause or resume"]),
     (New, SMALL, "?via graph", &["the same for D along the bridge graph"], &[]),
     (New, SMALL, "{click ? help}", &["pause or resume"], &[]),
@@ -106,7 +108,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, ":save a checkpoint under{enter}name{click Enter: accept}", &["name.safe"], &[]),
     (New, SMALL, "{click gdg-bridge}her{enter}:save-as{enter}", &["-her-seed"], &[]),
     // Panes.
-    (New, SMALL, "{click 4 map}", &["bridge edges", "contours"], &[]),
+    (New, SMALL, "{click 4legend}", &["bridge edges", "contours"], &[]),
     (New, NARROW, "{tab}", &["updates"], &["D to G"]),
     (New, NARROW, "5", &["gdg-bridge on rooms, 20 x 5 cells", "0:00:00 at 0"], &[]),
     (New, SMALL, "z", &["updates", "replay"], &["D to G"]),
@@ -148,7 +150,7 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "P", &["front"], &[]),
     (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "1train 2curves 3walk 4goals"], &[]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "1train 2curves 3walk 4legend"], &[]),
     (Goals, HUGE, "2", &["loss of D"], &["relative error of D"]),
     // Comparisons.
     (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),

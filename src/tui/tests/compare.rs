@@ -342,8 +342,13 @@ fn the_editor_draws_by_keyboard_on_both() {
 }
 
 #[test]
-fn both_look_back() {
+fn both_race_anew_once_one_of_them_can_and_look_back() {
     let mut comparison = staged(80, 24);
+    let begun = comparison.apps()[0].screen.goal_request;
+    (0..2).for_each(|_| {
+        comparison.on_tick();
+    });
+    assert_eq!(comparison.apps()[0].screen.goal_request, begun + 1);
     for side in 0..2 {
         let film = film(comparison.apps()[side], &[1, 2_500]);
         let snapshot = (*comparison.apps()[side].screen.snapshot).clone();

@@ -35,8 +35,11 @@ fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
             question.items().map(|item| item.detail.split_whitespace().collect()).collect();
         let mut app = still();
         app.screen.open(question);
-        let shown = shown_by(&mut app, 60, 20).replace(['\n', '\u{2502}', ' '], "");
-        assert!(details.iter().all(|detail| shown.contains(detail)), "{details:?}\n{shown}");
+        for detail in details {
+            let shown = shown_by(&mut app, 60, 20).replace(['\n', '\u{2502}', ' '], "");
+            assert!(shown.contains(&detail), "{detail:?}\n{shown}");
+            press(&mut app, KeyCode::Down);
+        }
     }
 }
 

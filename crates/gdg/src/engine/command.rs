@@ -162,7 +162,7 @@ impl TrainingThread {
             }
             (_, to) => to,
         };
-        let path = self.write(&to, notes).inspect_err(|error| {
+        let path = self.write(&to, [], notes).inspect_err(|error| {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
@@ -179,20 +179,15 @@ impl TrainingThread {
         Ok(text)
     }
 
-    fn autosave(&mut self, own: &Path, others: &[PathBuf], notes: &Notes) -> CommandResult {
+    fn autosave(&mut self, own: &Path, others: &[PathBuf], notes: Notes) -> CommandResult {
         let stem = own.file_stem().unwrap_or_default().to_string_lossy();
         let updates = self.trainer.counters().updates;
         let end = format!("-auto-{updates}.safetensors");
-        let mut write = |at: &Path| {
+        let named = |at: &Path| {
             let folder = at.parent().unwrap_or(Path::new(""));
-            let named = files::named(folder, without_autosave_suffix(&stem), &end);
-            self.write(&SaveTo::CreateNew(named), notes.clone())
+            SaveTo::CreateNew(files::named(folder, without_autosave_suffix(&stem), &end))
         };
-        let mut path = write(own);
-        for place in others {
-            path = path.or_else(|why| write(place).or(Err(why)));
-        }
-        let path = path?;
+        let path = self.write(&named(own), others.iter().map(|at| named(at)), notes)?;
         let text = self.saved_text("autosaved", &path, "");
         let mark = files::mark_in_use(&path);
         self.autosaved.push((updates, path, mark));
@@ -206,12 +201,17 @@ impl TrainingThread {
         Ok(text)
     }
 
-    fn write(&mut self, to: &SaveTo, notes: Notes) -> Result<PathBuf, Box<dyn Error>> {
+    fn write(
+        &mut self,
+        to: &SaveTo,
+        others: impl IntoIterator<Item = SaveTo>,
+        notes: Notes,
+    ) -> Result<PathBuf, Box<dyn Error>> {
         // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
         self.trainer.take_recovery().into_iter().for_each(|recovery| self.on_recovery(recovery));
         self.trainer.set_notes(notes);
-        let path = train::save(&self.trainer, to)
+        let (path, _) = train::save_or_else(&self.trainer, to, others)
             .map_err(|e| format!("{} ({})", e.problem, e.file.display()))?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());
@@ -283,7 +283,7 @@ impl TrainingThread {
             EngineCommand::Evaluate if self.start_evaluation()? => "evaluating ...".to_owned(),
             EngineCommand::Evaluate => "an evaluation is already running".to_owned(),
             EngineCommand::Save(to, notes) => self.save(to, notes)?,
-            EngineCommand::Autosave(own, others, notes) => self.autosave(&own, &others, &notes)?,
+            EngineCommand::Autosave(own, others, notes) => self.autosave(&own, &others, notes)?,
             EngineCommand::ChangeWorld(make, done) => {
                 let world = make(self.trainer.world())?;
                 let change = self.trainer.change_world(&*world)?;

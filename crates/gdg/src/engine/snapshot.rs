@@ -275,10 +275,6 @@ impl Snapshot {
         all.sort_by_key(|(updates, _)| *updates);
         all
     }
-
-    pub fn latest_coverage(&self) -> Option<f64> {
-        self.coverage().last().map(|(_, seen)| *seen)
-    }
 }
 
 pub(super) const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);

@@ -221,6 +221,22 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf> {
     Ok(path)
 }
 
+/// Saves as [`save`] does, or else in the first of other places that works; returns why, too, if so.
+pub fn save_or_else(
+    trainer: &Trainer,
+    to: &SaveTo,
+    others: impl IntoIterator<Item = SaveTo>,
+) -> Result<(PathBuf, Option<CheckpointError>), CheckpointError> {
+    let why = match save(trainer, to) {
+        Ok(path) => return Ok((path, None)),
+        Err(why) => why,
+    };
+    match others.into_iter().find_map(|to| save(trainer, &to).ok()) {
+        Some(path) => Ok((path, Some(why))),
+        None => Err(why),
+    }
+}
+
 /// Returns the bytes of a checkpoint file, and says how far it is.
 pub fn to_bytes(saved: &Saved, progress: &Job) -> Result<Vec<u8>, StoreError> {
     let Saved { about, history, state } = saved;

@@ -101,9 +101,7 @@ fn otherwise((_, look): &Judge, steps: &[Step]) -> Option<String> {
 fn unscaled(look: FirstLook, steps: &[Step]) -> Option<String> {
     let bounds = look.low.iter().zip(look.high).enumerate();
     let bounds = bounds.filter_map(|(i, (low, high))| Some((i, (*low)?, (*high)?)));
-    let narrow =
-        bounds.filter(|(_, low, high)| *low >= -1.0 && *high <= 1.0 && high - low < NARROW);
-    let narrow: Vec<_> = narrow.collect();
+    let narrow: Vec<_> = bounds.filter(|(_, low, high)| high - low < NARROW).collect();
     let is_filled = |(i, low, high): &(usize, f32, f32)| {
         let [least, most] = share(steps.iter().map(|(_, [_, a, _])| a[*i]).collect(), 0.0);
         let is_within = least >= low - BEYOND && most <= high + BEYOND;
@@ -145,8 +143,7 @@ impl Dataset {
         said
     }
 
-    /// Whether most first or most last steps of episodes lead farther than hardly any other: from one
-    /// episode to the next.
+    /// Whether most first, or most last, steps of episodes lead from one episode to the next.
     fn ends_are_off(&self) -> bool {
         let width = self.state(0).len();
         let [mut first, mut inner, mut last] = [const { Vec::new() }; 3];

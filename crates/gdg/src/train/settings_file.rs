@@ -246,6 +246,25 @@ fn unknown(name: &str) -> Box<ConfigError> {
     ConfigError::new(format!("unknown setting {:?}", truncated(name, MAX_QUOTED_CHARS)), help)
 }
 
+/// Says of a setting what it does, its `values`, what it can be, what a change costs, and what was
+/// measured.
+pub fn about_setting(setting: &Setting, values: &str) -> Vec<String> {
+    let Setting { about, usual, unit, values: possible, effect, .. } = setting;
+    let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    let possible = format!("{values}. Possible: {possible}{unit}.");
+    vec![format!("{about}."), possible, format!("A change {}.", effect.about()), usual.to_string()]
+}
+
+/// Returns all about the setting with this name.
+pub fn setting_page(name: &str) -> Result<String, Box<ConfigError>> {
+    let setting = Setting::named(name).ok_or_else(|| unknown(name))?;
+    let value = |preset: Preset| {
+        format!("{} in {}", shown(&preset.settings().values()[setting.name]), preset.name())
+    };
+    let lines = about_setting(setting, &Preset::ALL.map(value).join(", ")).join("\n  ");
+    Ok(format!("{}: {}\n", setting.name, lines.trim_end()))
+}
+
 /// Names and values of a settings file in its order, borrowed from its text so that errors can
 /// locate them. Names can occur twice.
 struct Entries<'a>(Vec<(EntryName<'a>, &'a RawValue)>);

@@ -142,9 +142,9 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         }
         lines.push(next(screen));
         // Coverage is known between evaluations as well.
-        let seen = screen.snapshot.latest_coverage();
+        let seen = screen.snapshot.coverage();
         let explored = |seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen));
-        lines.extend(seen.map(explored));
+        lines.extend(seen.last().map(|(_, seen)| explored(*seen)));
     } else {
         lines.push(fact("success", "not evaluated yet"));
         lines.extend(screen.elsewhere.iter().map(|_| Line::raw(" (--eval-every-updates N)")));

@@ -78,6 +78,12 @@ impl Editor {
         self.stroke.as_ref().map(|stroke| (self.cells_of(stroke), stroke.free))
     }
 
+    /// Returns where an unfinished line or box begins.
+    pub fn first_end(&self) -> Option<Cell> {
+        let has_ends = matches!(self.tool, Tool::Line | Tool::Rectangle);
+        self.stroke.as_ref().filter(|_| has_ends).map(|stroke| stroke.from)
+    }
+
     pub fn is_drawing(&self) -> bool {
         self.stroke.is_some()
     }

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::Style;
@@ -13,10 +12,9 @@ use super::MazeState;
 use crate::tui::canvas::{Canvas, Ink, contour_interval, draw_contours};
 use crate::tui::choices::{Marker, Overlay, Overlays};
 use crate::tui::graphics::{Redraw, TerminalPicture};
-use crate::tui::layout::ScreenLayout;
-use crate::tui::scene::SceneKind;
 use crate::tui::scene::ground::{self, Colours, GroundKind, Look};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, Painter};
+use crate::tui::scene::{Drawing, SceneKind};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName, blend, ink};
 use crate::tui::viewport::{MapFrame, Viewport};
@@ -148,14 +146,8 @@ struct BaseLayer {
     rests_until: Instant,
 }
 
-pub fn draw(
-    frame: &mut Frame,
-    pane: Rect,
-    maze: &MazeState,
-    screen: &Screen,
-    layout: &mut ScreenLayout,
-    cache: &mut Cache,
-) {
+pub fn draw(pane: Rect, maze: &MazeState, on: &mut Drawing) {
+    let Drawing { frame, screen, layout, cache } = on;
     let Some(map_frame) = MapFrame::fit(pane, &maze.map, screen.marker, maze.viewport) else {
         return;
     };
@@ -200,7 +192,7 @@ pub fn draw(
         canvas.paint_signs(frame.buffer_mut(), &screen.theme);
     }
     cache.base = Some(base);
-    draw_minimap(frame, pane, maze, layout, &screen.theme);
+    draw_minimap(pane, maze, on);
 }
 
 /// Returns the contour interval to show, given the interval `own` outside of a comparison.
@@ -482,6 +474,9 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
     if !is_past {
         painter.letter((painter.place)(&maze.view.reach.at), '@', theme.walker, 0.42);
     }
+    if let Some(end) = maze.editor.first_end() {
+        painter.canvas.letter(end.centre(), 'o', theme.cursor, 0.36);
+    }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
         painter.canvas.letter(cursor.centre(), '+', theme.cursor, 0.36);
     }
@@ -489,13 +484,8 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
 
 /// Draws the whole map in a corner of `area` while only a part of it is shown: in the upper right
 /// one, unless it would hide the goal or the cursor there.
-fn draw_minimap(
-    frame: &mut Frame,
-    area: Rect,
-    maze: &MazeState,
-    layout: &mut ScreenLayout,
-    theme: &Theme,
-) {
+fn draw_minimap(area: Rect, maze: &MazeState, on: &mut Drawing) {
+    let Drawing { frame, layout, screen: Screen { theme, .. }, .. } = on;
     let Some(shown) = layout.map.as_ref().filter(|_| maze.viewport.zoom > 1.0) else {
         return;
     };

@@ -9,10 +9,10 @@ use crate::tui::canvas::{self, Canvas, Ink, draw_contours};
 use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::heading;
-use crate::tui::scene::SceneKind;
 use crate::tui::scene::ground::{self, Colours, Look};
 use crate::tui::scene::legend::{contour_text, draw_scale, edge_lines, sign};
 use crate::tui::scene::overlays::Painter;
+use crate::tui::scene::{Drawing, SceneKind};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, REVERSED, blend};
 use crate::tui::viewport::{Angle, Projection, arrange};
@@ -27,13 +27,8 @@ const FINGER_RADIUS: f32 = 0.007;
 const CORNERS: usize = 120;
 
 /// Draws the space into the first area, and the line below it into the second.
-pub fn draw(
-    frame: &mut Frame,
-    [area, info]: [Rect; 2],
-    state: &SpaceState,
-    screen: &Screen,
-    layout: &mut ScreenLayout,
-) {
+pub fn draw([area, info]: [Rect; 2], state: &SpaceState, on: Drawing) {
+    let Drawing { frame, screen, layout, .. } = on;
     let mut title = None;
     match &screen.snapshot.scene {
         WorldScene::Arm(_) => layout.projections = arrange(area, &state.shown, screen.marker),
