@@ -28,11 +28,11 @@ use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use abilities::{
     Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, MAX_PROBES, Probes,
-    Recorded, RecordedStep, StraightAction,
+    Recorded, StraightAction,
 };
 pub use fetch_reach::{ArmScene, FetchReach};
 pub(crate) use first_look::{
-    Agreement, DirectEffect, EffectWatch, FirstLook, direct_effects, share,
+    Agreement, DirectEffect, EffectWatch, FirstLook, RecordedStep, direct_effects, share,
 };
 pub use goal_space::{GoalSpace, Walls};
 pub use gym::GymOptions;
@@ -373,6 +373,10 @@ impl dyn Environment {
     /// Returns what users should know of the world now, and have not been told yet.
     pub fn take_warnings(&self) -> Vec<String> {
         self.abilities().recorded.map_or_else(Vec::new, Recorded::take_warnings)
+    }
+
+    pub(crate) fn first_look(&self) -> Option<FirstLook<'_>> {
+        self.abilities().recorded.and_then(Recorded::first_look)
     }
 
     /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts

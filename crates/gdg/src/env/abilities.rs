@@ -25,9 +25,6 @@ pub struct Abilities<'a> {
     pub drawn: Option<&'a dyn Drawn>,
 }
 
-/// A state, the action in it, and where that has led.
-pub type RecordedStep<'a> = [&'a [f32]; 3];
-
 /// A world with a title, facts and data of its own.
 pub trait Recorded {
     /// Returns its title, such as the map's name.

@@ -2,8 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Environment, Recorded, RecordedStep};
+use super::Environment;
 use crate::text::grouped;
+
+/// A state, the action in it, and where that has led.
+pub type RecordedStep<'a> = [&'a [f32]; 3];
 
 /// What goes with an action as closely as `DIRECT` is moved by it at once; what goes with it no more
 /// closely than `UNRELATED`, or the other way, is not.
@@ -26,10 +29,17 @@ const ORDINARY: f64 = 0.7;
 pub struct DirectEffect {
     pub component: usize,
     limit: f32,
-    pub weights: Vec<f32>,
+    weights: Vec<f32>,
 }
 
 impl DirectEffect {
+    /// Whether what a checkpoint has kept fits these sizes.
+    pub fn fits(&self, state_dim: usize, action_dim: usize) -> bool {
+        let is_finite = self.weights.iter().all(|weight| weight.is_finite());
+        let has_limit = (0.0..f32::INFINITY).contains(&self.limit);
+        self.component < state_dim && self.weights.len() == action_dim && has_limit && is_finite
+    }
+
     fn change(&self, from: &[f32], to: &[f32]) -> f32 {
         (to[self.component] - from[self.component]).clamp(-self.limit, self.limit)
     }
@@ -44,9 +54,8 @@ pub fn direct_effects(steps: &[RecordedStep]) -> Vec<DirectEffect> {
         let mut effect = DirectEffect { component, limit, weights: Vec::new() };
         let related = |j: usize| {
             let mut sums = Sums::default();
-            steps
-                .iter()
-                .for_each(|[from, action, to]| sums.add(effect.change(from, to), action[j]));
+            let mut add = |[from, a, to]: &RecordedStep| sums.add(effect.change(from, to), a[j]);
+            steps.iter().for_each(&mut add);
             sums.correlation().unwrap_or(0.0) as f32
         };
         effect.weights = (0..action.len()).map(related).collect();
@@ -55,7 +64,6 @@ pub fn direct_effects(steps: &[RecordedStep]) -> Vec<DirectEffect> {
     effects.filter(|effect| effect.weights.iter().any(|w| f64::from(w.abs()) > DIRECT)).collect()
 }
 
-/// What is known of a world beforehand.
 #[derive(Clone, Copy, Debug)]
 pub struct FirstLook<'a> {
     pub effects: &'a [DirectEffect],
@@ -81,14 +89,12 @@ impl Agreement {
     pub fn add(&mut self, effects: &[DirectEffect], [from, action, to]: RecordedStep) {
         self.sums.resize(effects.len(), Sums::default());
         for (sums, effect) in self.sums.iter_mut().zip(effects) {
-            let expected =
-                effect.weights.iter().zip(action).map(|(weight, action)| weight * action);
+            let expected = effect.weights.iter().zip(action).map(|(weight, a)| weight * a);
             sums.add(effect.change(from, to), expected.sum());
         }
         self.steps += 1;
-        let mut moved =
-            effects.iter().map(|effect| effect.component).filter(|i| from[*i] != to[*i]);
-        self.has_moved |= if effects.is_empty() { from != to } else { moved.next().is_some() };
+        let moves = |effect: &DirectEffect| from[effect.component] != to[effect.component];
+        self.has_moved |= if effects.is_empty() { from != to } else { effects.iter().any(moves) };
     }
 
     /// Whether most of what actions moved at once, as far as it moves, moves otherwise.
@@ -114,7 +120,7 @@ impl EffectWatch {
         (before, actions): (&[f32], &[f32]),
         steps: u64,
     ) -> Option<String> {
-        let look = world.abilities().recorded.and_then(Recorded::first_look)?;
+        let look = world.first_look()?;
         let (s, a) = (world.spec().state_dim(), world.spec().action_dim);
         let moves = before.chunks_exact(s).zip(world.states().chunks_exact(s));
         for ((from, to), action) in moves.zip(actions.chunks_exact(a)) {
@@ -135,7 +141,6 @@ impl EffectWatch {
     }
 }
 
-/// What the correlation of two numbers is computed from.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums([f64; 6]);
 

@@ -1,7 +1,7 @@
 //! Says why recorded steps may be damaged, or of another world.
 
 use super::dataset::Dataset;
-use crate::env::{Agreement, Environment, FirstLook, Recorded, RecordedStep, Spec, share};
+use crate::env::{Agreement, Environment, FirstLook, RecordedStep, Spec, share};
 
 /// Most steps of a file that are looked at.
 const MOST_STEPS: usize = 200_000;
@@ -118,7 +118,7 @@ impl Dataset {
     /// Says why its steps may not be of `world`, or are not what they should be.
     pub fn doubts(&self, world: &dyn Environment) -> Vec<String> {
         let (steps, mut said) = (self.steps(MOST_STEPS), Vec::new());
-        if let Some(look) = world.abilities().recorded.and_then(Recorded::first_look) {
+        if let Some(look) = world.first_look() {
             let (judge, parts) = ((world.spec(), look), parts(&steps));
             for (check, least) in CHECKS {
                 let odd = parts.iter().filter_map(|part| Some((*part, check(&judge, part)?)));

@@ -171,9 +171,7 @@ impl EnvFacts {
             && self.columns.iter().all(|column| *column < about.row())
             && self.goal_columns.iter().all(|column| *column < about.goal)
             && spec.action_dim == about.low.len()
-            && self.effects.iter().all(|DirectEffect { component, weights, .. }| {
-                *component < s && weights.len() == spec.action_dim
-            })
+            && self.effects.iter().all(|effect| effect.fits(s, spec.action_dim))
             && [0, about.row()].contains(&self.led_to.len());
         StoreError::unless(sound, "what it stores of its world is inconsistent")
     }
@@ -186,7 +184,6 @@ pub struct Seen {
     pub starts: Vec<Vec<f32>>,
     /// Desired goals of the same episodes.
     pub goals: Vec<Vec<f32>>,
-    /// Rows of walks.
     pub walks: Vec<Vec<Vec<f32>>>,
     /// The actions between them.
     pub actions: Vec<Vec<Vec<f32>>>,

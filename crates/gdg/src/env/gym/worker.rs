@@ -273,7 +273,6 @@ struct Exception {
     searched: Vec<String>,
 }
 
-/// The latest lines that a worker has written.
 type LatestLines = Arc<Mutex<VecDeque<String>>>;
 
 /// A running worker. It ends when it is dropped, or with this process, and all that it has started
@@ -293,7 +292,6 @@ pub struct GymWorker {
     job: Arc<Mutex<Job>>,
     /// When it is to have ended.
     ends_by: Option<Instant>,
-    /// How many environments it has.
     pub environments: usize,
     /// Whether a desired goal has moved within one of its first episodes.
     pub moves_goal: bool,
@@ -388,7 +386,6 @@ impl GymWorker {
     }
 }
 
-/// Its process and the messages.
 impl GymWorker {
     /// Starts a worker for the environment called `title`; every answer has to come within
     /// `timeout`, or soon once `job` says that training is to stop.
