@@ -121,18 +121,21 @@ pub enum Command {
     #[command(hide = true)]
     Man,
     /// Validate a map or scenario file and print its facts
-    Check {
-        /// Map (in any format of gdg-tui maps --help), scenario (.scen) or built-in map
-        file: PathBuf,
-        /// Map of the scenario, if it is not in the same folder
-        #[arg(long, value_name = "FILE")]
-        map: Option<PathBuf>,
-        /// Exit with status 3 if a marked goal cannot be reached, or a start is cut off, and say where
-        #[arg(long)]
-        strict: bool,
-        #[command(flatten)]
-        reading: MapArgs,
-    },
+    Check(CheckArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Map (in any format of gdg-tui maps --help), scenario (.scen) or built-in map
+    pub file: PathBuf,
+    /// Map of the scenario, if it is not in the same folder
+    #[arg(long, value_name = "FILE")]
+    pub map: Option<PathBuf>,
+    /// Exit with status 3 if a marked goal cannot be reached, or a start is cut off, and say where
+    #[arg(long)]
+    pub strict: bool,
+    #[command(flatten)]
+    pub reading: MapArgs,
 }
 
 /// What is exported, and where to.

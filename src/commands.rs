@@ -72,9 +72,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
             made.map_err(|error| failure(Report::msg(error)))?;
             print(&String::from_utf8_lossy(&page))
         }
-        Some(Command::Check { file, map, strict, reading }) => {
-            check::run(&file, map.as_deref(), &(&reading).into(), strict, registry)
-        }
+        Some(Command::Check(args)) => check::run(&args, registry),
         Some(Command::ExportData(args)) => text(export::data(&args, registry)),
         Some(Command::ExportPolicy(args)) => text(export::policy(&args, registry)),
     }

@@ -136,13 +136,15 @@ fn check_open_files() -> Result<(), Report> {
     })
 }
 
-/// Runs the trainer, or shows a run that another program trains; returns the exit status, and what is
-/// said about files.
+/// The exit status, and what is said about files.
+pub type Closing = Result<(u8, String), Report>;
+
+/// Runs the trainer, or shows a run that another program trains.
 pub fn run(
     setup: Setup,
     elsewhere: Option<TrainedElsewhere>,
     interface: &mut PreparedInterface,
-) -> Result<(u8, String), Report> {
+) -> Closing {
     let Setup { trainer, limits, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let is_new = resumed.is_none();
@@ -164,7 +166,7 @@ impl PreparedInterface {
         resumed: Option<PathBuf>,
         save: Option<SaveTo>,
         begin: impl FnOnce(&mut Session),
-    ) -> Result<(u8, String), Report> {
+    ) -> Closing {
         let engine = Engine::resume(trainer, limits, resumed, at_first).into_diagnostic()?;
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let keymap = self.keymap.clone();
@@ -181,19 +183,12 @@ pub fn prepare_tour(threads: Threads, registry: &Arc<Registry>) -> Result<Traine
     setup::begin(run, &maze, registry, threads)
 }
 
-/// Runs the trainer with the guided tour and returns the exit status.
-pub fn take_tour(
-    trainer: Trainer,
-    interface: &mut PreparedInterface,
-) -> Result<(u8, String), Report> {
+pub fn take_tour(trainer: Trainer, interface: &mut PreparedInterface) -> Closing {
     interface.show(trainer, (Limits::default(), None), None, None, Session::begin_tour)
 }
 
-/// Shows a comparison; returns the exit status, and what is said about files.
-pub fn compare(
-    Contestants { both, warnings }: Contestants,
-    interface: &mut PreparedInterface,
-) -> Result<(u8, String), Report> {
+pub fn compare(contestants: Contestants, interface: &mut PreparedInterface) -> Closing {
+    let Contestants { both, warnings } = contestants;
     let PreparedInterface { config, keymap, notice, stage, .. } = interface;
     let (mut comparison, engines) = Comparison::start(both, config, keymap, Limits::default())?;
     let notices: Vec<&str> =

@@ -6,39 +6,30 @@ use std::path::{Path, PathBuf};
 use miette::{Report, miette};
 
 use super::{CommandOutcome, bad_input, print_safely};
+use crate::cli::CheckArgs;
 use crate::process::EXIT_NOT_REACHED;
 use crate::process::errors::from_map_error;
 use crate::process::waiting::Waiting;
 use crate::setup::find_maps::{doubts, find_map, unconnected_parts};
 use gdg::files::has_extension;
 use gdg::job::Job;
-use gdg::map::{self, Cell, Components, Diameter, Grid, MapError, MapScale, Reading, Scenario};
+use gdg::map::{self, Cell, Components, Diameter, Grid, MapError, MapScale, Scenario};
 use gdg::text::counted;
 use gdg::train::Registry;
 
 /// Prints the facts about a map or scenario file, or a built-in map; the exit status says whether
 /// `strict` finds a fault.
-pub fn run(
-    file: &Path,
-    map_file: Option<&Path>,
-    reading: &Reading,
-    strict: bool,
-    registry: &Registry,
-) -> CommandOutcome {
-    let (text, grid) = checked(file, map_file, reading, registry).map_err(bad_input)?;
-    let faults = if strict { faults(&grid) } else { Vec::new() };
+pub fn run(args: &CheckArgs, registry: &Registry) -> CommandOutcome {
+    let (text, grid) = checked(args, registry).map_err(bad_input)?;
+    let faults = if args.strict { faults(&grid) } else { Vec::new() };
     let lines: String = faults.iter().map(|fault| format!("fault:      {fault}\n")).collect();
     print_safely(&(text + &lines))?;
     Ok(if faults.is_empty() { 0 } else { EXIT_NOT_REACHED })
 }
 
 /// Returns the facts about a file, and the map.
-fn checked(
-    file: &Path,
-    map_file: Option<&Path>,
-    reading: &Reading,
-    registry: &Registry,
-) -> Result<(String, Grid), Report> {
+fn checked(args: &CheckArgs, registry: &Registry) -> Result<(String, Grid), Report> {
+    let (file, map_file, reading) = (&args.file, &args.map, &(&args.reading).into());
     let progress = &Waiting::on("measuring the map");
     if !has_extension(file, "scen") {
         if map_file.is_some() {
@@ -53,8 +44,7 @@ fn checked(
         return Ok((tasks(&scenario, &grid, progress)?, grid));
     }
     let scenario = map::read_scenario(file).map_err(from_map_error)?;
-    let path = map_file
-        .map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
+    let path = map_file.clone().map_or_else(|| map_beside(file, &scenario.map_name()), Ok)?;
     let grid = map::load_map_as(&path, reading).map_err(from_map_error)?;
     Ok((tasks(&scenario, &grid, progress)?, grid))
 }

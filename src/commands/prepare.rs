@@ -18,7 +18,7 @@ use gdg::files;
 use gdg::job::Job;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::text::{grouped, safe_file_name, sanitized};
-use gdg::train::{self, Edit, Limits, Registry, Run, Settings, Trainer};
+use gdg::train::{self, Edit, Limits, Registry, Settings, Trainer};
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
 /// those of `args`. Says how far it is to `progress`.
@@ -172,7 +172,11 @@ fn begin_run(
     if let Some(file) = &args.data {
         setup::check_data(file, progress)?;
     }
-    let world = open_world(args.map(), &(&args.reading).into(), &run, registry)?;
+    // A kind that needs no file, or the maze on that map.
+    let world: Box<dyn Environment> = match registry.open(known_name(args.map())) {
+        Some(opened) => opened.into_diagnostic()?,
+        None => Box::new(setup::open_maze(args.map(), &(&args.reading).into(), &run, registry)?),
+    };
     if args.data.is_none() && run.settings.train.offline_updates > 0 {
         let help = "give --data FILE, or leave offline_updates out";
         return Err(miette!(help = help, "offline_updates: without --data, agents always act"));
@@ -246,19 +250,6 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
         Some(None) => Ok(given.rsplit(':').next().unwrap_or_default().to_owned()),
         None => Ok(find_map(name, &Reading::default(), registry)?.name().to_owned()),
     }
-}
-
-/// Opens the world called `name`: a kind that needs no file, or the maze on that map.
-fn open_world(
-    name: &Path,
-    reading: &Reading,
-    run: &Run,
-    registry: &Registry,
-) -> Result<Box<dyn Environment>, Report> {
-    if let Some(opened) = registry.open(known_name(name)) {
-        return opened.into_diagnostic();
-    }
-    setup::open_maze(name, reading, run, registry).map(|maze| Box::new(maze) as _)
 }
 
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their

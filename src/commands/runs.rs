@@ -66,7 +66,7 @@ fn show(
     awaits: bool,
     opener: Opener,
     interface: &mut PreparedInterface,
-) -> Result<(u8, String), Report> {
+) -> tui::Closing {
     let awaited = places.first().filter(|_| awaits).cloned();
     let mut list = RunsScreen::open(places, awaited, opener, interface)?;
     let (mut status, mut notice) = (0, String::new());
@@ -123,7 +123,7 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     })
 }
 
-fn shown(opened: Opened, interface: &mut PreparedInterface) -> Result<(u8, String), Report> {
+fn shown(opened: Opened, interface: &mut PreparedInterface) -> tui::Closing {
     match opened {
         Opened::Run(setup, elsewhere) => tui::run(*setup, elsewhere, interface),
         Opened::Comparison(both) => tui::compare(*both, interface),

@@ -83,7 +83,7 @@ pub fn on_screen<T>(
     args: &ScreenArgs,
     [what, instead]: [&str; 2],
     prepare: impl FnOnce() -> Result<T, Report>,
-    show: impl FnOnce(T, &mut PreparedInterface) -> Result<(u8, String), Report>,
+    show: impl FnOnce(T, &mut PreparedInterface) -> tui::Closing,
 ) -> CommandOutcome {
     logging::start(args.log_level);
     let prepared = prepare().map_err(bad_input)?;

@@ -96,7 +96,13 @@ pub fn measure(
     }
     let job = trainer.evaluation().into_diagnostic()?.within(plan.max_steps);
     let walks = map.map_or(Ok(Vec::new()), |map| {
-        plan.walks.iter().filter_map(|d| walk_at(&job, map, *d).transpose()).collect()
+        let walk_at = |distance: &u32| {
+            let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+            let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[*distance], 1, &mut rng).tasks;
+            // The map may have none of this length.
+            tasks.first().map(|task| walk(&job, task, *distance))
+        };
+        plan.walks.iter().filter_map(walk_at).collect()
     });
     let walks: Vec<Walked> = walks.into_diagnostic()?;
     let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
@@ -125,17 +131,6 @@ fn random_tasks(
     }
     let success = |tasks| Ok::<_, EnvError>(job.run(tasks)?.success_rate().unwrap_or(0.0));
     Ok(RandomTasks { anywhere: success(&anywhere)?, as_in_training: success(&training)? })
-}
-
-/// Walks a task of this length, in steps; `None` if the map has none.
-fn walk_at(
-    job: &EvaluationJob,
-    map: &Arc<Grid>,
-    distance: u32,
-) -> Result<Option<Walked>, EnvError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
-    let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[distance], 1, &mut rng).tasks;
-    tasks.first().map(|task| walk(job, task, distance)).transpose()
 }
 
 fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Result<Walked, EnvError> {

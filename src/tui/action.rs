@@ -124,13 +124,16 @@ pub enum Both {
     Refused,
 }
 
+/// Names of keys.
+pub type Keys = &'static [&'static str];
+
 #[derive(Debug)]
 pub struct Binding {
     pub action: Action,
     pub name: &'static str,
     /// The mode in which its keys are active; `None` while a run is watched or edited.
     pub when: Option<Mode>,
-    pub keys: &'static [&'static str],
+    pub keys: Keys,
     /// One word for the footer; empty to omit it there.
     pub short: &'static str,
     pub long: &'static str,

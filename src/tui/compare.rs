@@ -43,7 +43,7 @@ pub const LETTERS: [char; 2] = ['A', 'B'];
 /// The pause after an evaluation, as a multiple of its duration.
 const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
-/// The success of one of both from which on races count.
+/// The success of one of both at which races begin anew.
 const WORTH_WATCHING: f64 = 0.8;
 
 /// What is known of a side besides its session.
@@ -323,7 +323,9 @@ impl Comparison {
         let introduction = contenders::introduction(about);
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let help = lists::help_of_comparison(&cx.screen, &cx.scene, &introduction, fields);
+        let modes = [Mode::Comparing, Mode::EditingBoth];
+        let fields = fields.map(lists::field_item);
+        let help = lists::help_in(&modes, &cx.screen, &cx.scene, &introduction, fields);
         self.sessions[0].open(help);
     }
 

@@ -13,8 +13,7 @@ use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;
 use crate::tui::pane_text::clock;
 use crate::tui::render::side::training::MEANINGS as NUMBERS;
-use crate::tui::scene::Scene;
-use crate::tui::scene::legend::MEANINGS as WALK_MEANINGS;
+use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, ThemeName};
 use gdg::bridge::Planner;
@@ -46,17 +45,7 @@ pub fn help(screen: &Screen, scene: &Scene) -> Picker {
     help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
 
-pub fn help_of_comparison(
-    screen: &Screen,
-    scene: &Scene,
-    introduction: &str,
-    fields: impl Iterator<Item = Field>,
-) -> Picker {
-    let modes = [Mode::Comparing, Mode::EditingBoth];
-    help_in(&modes, screen, scene, introduction, fields.map(field_item))
-}
-
-fn help_in(
+pub fn help_in(
     modes: &[Mode],
     screen: &Screen,
     scene: &Scene,
@@ -73,7 +62,7 @@ fn help_in(
     let about = |(name, meaning): &(&str, &str)| {
         Item::new(format!("{name}: {meaning}"), "", Choice::Nothing).within("the numbers")
     };
-    let numbers = NUMBERS.iter().chain(WALK_MEANINGS).map(about);
+    let numbers = NUMBERS.iter().chain(legend::MEANINGS).map(about);
     let folder = logging::folder().map(|folder| {
         let label = format!("log files: {}", folder.display());
         Item::new(label, "", Choice::Nothing).within("files of the program")
@@ -96,6 +85,7 @@ pub fn help_of_lists(keymap: &Keymap) -> Picker {
             Action::Move(_, 1) => "select the next run",
             Action::Move(..) => "select the run before",
             Action::Close => "show all runs again, or unmark them",
+            Action::Help => "this help",
             _ => binding.long,
         };
         action_item(binding, wording, keymap)
@@ -110,7 +100,7 @@ fn action_item(b: &Binding, label: impl Into<String>, keymap: &Keymap) -> Item {
     Item { words, ..Item::new(label, keys, Choice::Act(b.action)) }
 }
 
-fn field_item(field: Field) -> Item {
+pub fn field_item(field: Field) -> Item {
     Item {
         words: field.words().to_owned(),
         ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))

@@ -131,7 +131,9 @@ impl Theme {
             ColourDepth::Indexed => {
                 let distance = |share| theme.smooth_distance_colour(share);
                 let error = |share| sample(theme.error, share);
-                theme.limited_to(&Palette::of_256(name, distance, error))
+                let palette = Palette::of_256(name, distance, error);
+                let (wall, [unknown, _]) = (palette.wall, palette.unvisited);
+                Self { wall, unknown, palette: Some(palette), ..theme }
             }
         }
     }
@@ -188,11 +190,6 @@ impl Theme {
                 ..dark
             },
         }
-    }
-
-    fn limited_to(self, palette: &Palette) -> Self {
-        let [unknown, _] = palette.unvisited;
-        Self { wall: palette.wall, unknown, palette: Some(*palette), ..self }
     }
 
     pub fn colour(&self, (r, g, b): Rgb) -> Color {

@@ -39,10 +39,10 @@ const PROGRAM: [Room; 8] = [
     ("setup", 850),
     ("figure", 856),
     ("headless", 957),
-    ("experiment", 5_684),
-    ("tui", 19_419),
-    ("cli", 641),
-    ("commands", 1_019),
+    ("experiment", 5_679),
+    ("tui", 19_386),
+    ("cli", 644),
+    ("commands", 998),
 ];
 
 /// What lies beside the modules.

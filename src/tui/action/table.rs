@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Action as A, Binding, Both, ListAction, Mode, Section};
+use super::{Action as A, Binding, Both, Keys, ListAction, Mode, Section};
 use crate::experiment::plot::Drawable;
 use crate::tui::choices::{ExportKind, Overlay, Pane, Tool};
 use crate::tui::compare::Comparison;
@@ -11,12 +11,10 @@ use crate::tui::lists;
 use crate::tui::session::{Session, change_run, disk, watching};
 use gdg::engine::Step;
 
-const fn bind(
-    action: A,
-    name: &'static str,
-    keys: &'static [&'static str],
-    run: fn(&mut Session, A),
-) -> Binding {
+/// What an action does to a run.
+type Run = fn(&mut Session, A);
+
+const fn bind(action: A, name: &'static str, keys: Keys, run: Run) -> Binding {
     let (both, when, is_about_present, is_in_lists) = (Both::Refused, None, false, false);
     let (short, long, words) = ("", "", "");
     Binding {
@@ -35,12 +33,7 @@ const fn bind(
 }
 
 /// The same while the editor is closed.
-const fn watch(
-    action: A,
-    name: &'static str,
-    keys: &'static [&'static str],
-    run: fn(&mut Session, A),
-) -> Binding {
+const fn watch(action: A, name: &'static str, keys: Keys, run: Run) -> Binding {
     bind(action, name, keys, run).watching()
 }
 
@@ -54,33 +47,33 @@ fn act_on_goal(session: &mut Session, action: A) {
     act_in_scene(session, action);
 }
 
-const fn scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn scene(action: A, name: &'static str, keys: Keys) -> Binding {
     bind(action, name, keys, act_in_scene)
 }
 
-const fn watch_scene(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn watch_scene(action: A, name: &'static str, keys: Keys) -> Binding {
     scene(action, name, keys).watching()
 }
 
-const fn overlay(overlay: Overlay, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn overlay(overlay: Overlay, name: &'static str, keys: Keys) -> Binding {
     watch(A::Toggle(overlay), name, keys, |s, action| watching::toggle_overlay(s, action)).each()
 }
 
-const fn pane(pane: Pane, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn pane(pane: Pane, name: &'static str, keys: Keys) -> Binding {
     bind(A::Show(pane), name, keys, |s, action| watching::show(s, action)).watching()
 }
 
-const fn edit(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn edit(action: A, name: &'static str, keys: Keys) -> Binding {
     scene(action, name, keys).own(Comparison::edit).in_present()
 }
 
 /// The same while the editor is open.
-const fn tool(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn tool(action: A, name: &'static str, keys: Keys) -> Binding {
     edit(action, name, keys).within(Mode::Editing)
 }
 
 /// A row for an action on a list of runs, which knows what it does.
-const fn on_runs(action: ListAction, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn on_runs(action: ListAction, name: &'static str, keys: Keys) -> Binding {
     bind(A::List(action), name, keys, |_, _| {}).within(Mode::Listing)
 }
 
@@ -231,7 +224,7 @@ const GOAL_AND_AGENT: &[Binding] = &[
         .own(Comparison::next_on_arrival),
 ];
 
-const fn towards(action: A, name: &'static str, keys: &'static [&'static str]) -> Binding {
+const fn towards(action: A, name: &'static str, keys: Keys) -> Binding {
     bind(action, name, keys, act_on_goal).own(Comparison::move_goal)
 }
 
@@ -411,12 +404,7 @@ const COMPARISON: &[Binding] = &[
         .short("size"),
 ];
 
-const fn beside(
-    action: A,
-    name: &'static str,
-    keys: &'static [&'static str],
-    act: fn(&mut Comparison, A),
-) -> Binding {
+const fn beside(action: A, name: &'static str, keys: Keys, act: fn(&mut Comparison, A)) -> Binding {
     bind(action, name, keys, |_, _| {}).within(Mode::Comparing).own(act)
 }
 

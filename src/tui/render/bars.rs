@@ -14,9 +14,8 @@ use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::pane_text::{first_lines, wrapped};
-use crate::tui::scene::Scene;
-use crate::tui::scene::legend::both_walks;
 use crate::tui::scene::maze::Editor;
+use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
 use gdg::text::{fitted, grouped};
@@ -97,7 +96,7 @@ pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
 
 /// Says how walks go, with and without a plan.
 pub fn walks(screen: &Screen, scene: &Scene) -> Vec<Hint> {
-    let texts = both_walks(&**scene, screen).into_iter().flatten();
+    let texts = legend::both_walks(&**scene, screen).into_iter().flatten();
     texts.map(|text| (text + " ", Vec::new())).collect()
 }
 

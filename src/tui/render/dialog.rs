@@ -27,6 +27,9 @@ const MIN_ROWS: u16 = 5;
 const LABEL_MARGIN: usize = 3;
 const KEY_MARGIN: usize = 2;
 
+/// Columns of a detail, such as a key, that a long label leaves.
+const MAX_KEPT: usize = 12;
+
 /// Draws the topmost dialog, if there is one, and records where it is.
 pub fn draw_dialog(frame: &mut Frame, screen: &Screen, layout: &mut ScreenLayout) {
     let Some(top) = screen.dialogs.last() else { return };
@@ -121,9 +124,13 @@ fn label_width(picker: &Picker, columns: usize) -> usize {
     picker.items().map(|item| display_width(&item.label)).max().unwrap_or(0).min(columns * 2 / 3)
 }
 
-fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
+/// Returns the columns of an item's label and of its detail: a long label leaves room for a key.
+fn rooms(item: &Item, labels: usize, columns: usize) -> [usize; 2] {
     let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
-    columns.saturating_sub(display_width(&item.label).max(labels) + LABEL_MARGIN + key)
+    let all = columns.saturating_sub(LABEL_MARGIN + key);
+    let most = all.saturating_sub(display_width(&item.detail).min(MAX_KEPT)).max(labels);
+    let label = display_width(&item.label).clamp(labels, most).min(all);
+    [label, all - label]
 }
 
 /// Returns the rows for the full text of what is selected, and a line above it; none if it fits. A
@@ -134,17 +141,15 @@ fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
     if rows == 0 { 0 } else { 1 + rows as u16 }
 }
 
-fn fits(item: &Item, labels: usize, columns: usize) -> bool {
-    let is_whole = display_width(&item.label) + LABEL_MARGIN <= columns;
-    let is_told = display_width(&item.detail) <= room_beside(item, labels, columns);
-    item.below.is_empty() && is_told && is_whole
-}
-
 /// Returns everything about an item that does not fit its row, or of which in a question another one
 /// does not, in rows of `columns` with a blank on either side.
 fn text_below(picker: &Picker, item: &Item, columns: usize, labels: usize) -> Vec<String> {
-    let mut all = picker.items().filter(|_| picker.is_question()).chain([item]);
-    if all.all(|item| fits(item, labels, columns)) {
+    let fits = |item: &Item| {
+        let [label, detail] = rooms(item, labels, columns);
+        let is_whole = display_width(&item.label) <= label && display_width(&item.detail) <= detail;
+        item.below.is_empty() && is_whole
+    };
+    if picker.items().filter(|_| picker.is_question()).chain([item]).all(fits) {
         return Vec::new();
     }
     let columns = columns.saturating_sub(2).max(1);
@@ -167,12 +172,10 @@ fn row_line(row: &PickerRow, labels: usize, columns: usize) -> Line<'static> {
         (None, true) => "*".to_owned(),
         (None, false) => " ".to_owned(),
     };
-    let rest = room_beside(item, labels, columns);
-    let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
-    let most = columns.saturating_sub(LABEL_MARGIN + key);
+    let [label, rest] = rooms(item, labels, columns);
     let text = Line::from(vec![
         Span::styled(sign, BOLD),
-        Span::raw(format!("{}  ", padded(&fitted(&item.label, most), labels))),
+        Span::raw(format!("{}  ", padded(&fitted(&item.label, label), label))),
         Span::styled(padded(&fitted(&item.detail, rest), rest), DIM),
     ]);
     text.style(if *selected { REVERSED } else { Style::new() })

@@ -81,7 +81,8 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
     let inner = within(frame, curves, Borders::TOP);
     let runs = drawn(&screen.list);
     let layout = &mut places.layout;
-    draw_curves(frame, inner, screen, &runs, layout);
+    let title = draw_curves(frame, inner, screen, &runs);
+    layout.add(Rect { height: 1, ..title }, Click::Act(Action::List(ListAction::Axis)));
     let inner = within(frame, settings, Borders::TOP | Borders::LEFT);
     match screen.list.selected() {
         Some(run) if run.is_damaged() => {
@@ -234,14 +235,8 @@ fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
     columns
 }
 
-/// Draws the curves of runs; a click on the title changes the axis.
-fn draw_curves(
-    frame: &mut Frame,
-    area: Rect,
-    screen: &RunsScreen,
-    runs: &[DrawnRun],
-    layout: &mut ScreenLayout,
-) {
+/// Draws the curves of runs; returns where their title is.
+fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[DrawnRun]) -> Rect {
     let (RunsScreen { theme, .. }, (measure, axis)) = (screen, screen.curves);
     let curve = |(letter, run): &DrawnRun| {
         let stem = sanitized(&run.source.file_stem().unwrap_or_default().to_string_lossy());
@@ -258,7 +253,6 @@ fn draw_curves(
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
     let title = format!(" {} over {}", measure.label(), axis.label());
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
-    layout.add(Rect { height: 1, ..head }, Click::Act(Action::List(ListAction::Axis)));
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
         let is_evaluated = runs.iter().any(|(_, run)| !run.evaluations.is_empty());
@@ -267,7 +261,8 @@ fn draw_curves(
             true => " not known of these runs",
             false => " not evaluated yet",
         };
-        return frame.render_widget(Paragraph::new(text).style(DIM), body);
+        frame.render_widget(Paragraph::new(text).style(DIM), body);
+        return head;
     }
     let last = points().map(|point| point.0).fold(1.0, f64::max);
     let is_share = measure != Measure::Error;
@@ -277,6 +272,7 @@ fn draw_curves(
     let axes = Axes { x: [0.0, last], over: axis, y: [0.0, high], y_labels };
     // The first ones last, on top.
     draw_chart(frame, body, axes, all.iter().rev().map(PaneCurve::line));
+    head
 }
 
 /// Returns the names in which runs differ, each with its value in every run; of a single run, all

@@ -1,13 +1,12 @@
 //! The scale of the colours, the legend, and the pane about the walking agent.
 
-use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::SceneKind;
 use super::ground::MAX_SHOWN_ERROR;
+use super::{Drawing, SceneKind};
 use crate::tui::action::Action;
 use crate::tui::canvas::SHADES;
 use crate::tui::characters::{CANDIDATE_MARK, UNVISITED_MARK};
@@ -62,13 +61,8 @@ pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<L
 }
 
 /// Draws the line below a scene: the scale, with the first of `texts` and the longest bar that fit.
-pub fn draw_scale(
-    frame: &mut Frame,
-    area: Rect,
-    scene: &dyn SceneKind,
-    screen: &Screen,
-    texts: &[String],
-) {
+pub fn draw_scale(area: Rect, scene: &dyn SceneKind, on: Drawing, texts: &[String]) {
+    let Drawing { frame, screen, .. } = on;
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let mut lines = options.map(|(text, bar)| {

@@ -145,14 +145,14 @@ impl SceneKind for MazeState {
 
     fn draw(&self, [area, info]: [Rect; 2], mut on: Drawing) {
         map_pixels::draw(area, self, &mut on);
-        let Drawing { frame, screen, layout, .. } = on;
         if let Some(cell) = self.inspecting.or(self.hovered) {
             let facts = Line::from(cell_facts(self, cell));
-            return frame.render_widget(fitted_line(facts, info.width), info);
+            return on.frame.render_widget(fitted_line(facts, info.width), info);
         }
+        let (screen, layout) = (on.screen, &*on.layout);
         let (interval, scaled) = (contour_text(screen, layout), scaled_down_text(screen, layout));
         let texts = [interval.clone() + &scaled, interval, scaled, String::new()];
-        draw_scale(frame, info, self, screen, &texts);
+        draw_scale(info, self, on, &texts);
     }
 
     fn start(&mut self, screen: &mut Screen) {

@@ -475,7 +475,7 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
         painter.letter((painter.place)(&maze.view.reach.at), '@', theme.walker, 0.42);
     }
     if let Some(end) = maze.editor.first_end() {
-        painter.canvas.letter(end.centre(), 'o', theme.cursor, 0.36);
+        painter.canvas.letter(end.centre(), 'x', theme.cursor, 0.36);
     }
     if let Some(cursor) = maze.editor.cursor.or(maze.inspecting) {
         painter.canvas.letter(cursor.centre(), '+', theme.cursor, 0.36);

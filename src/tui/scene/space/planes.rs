@@ -27,8 +27,8 @@ const FINGER_RADIUS: f32 = 0.007;
 const CORNERS: usize = 120;
 
 /// Draws the space into the first area, and the line below it into the second.
-pub fn draw([area, info]: [Rect; 2], state: &SpaceState, on: Drawing) {
-    let Drawing { frame, screen, layout, .. } = on;
+pub fn draw([area, info]: [Rect; 2], state: &SpaceState, mut on: Drawing) {
+    let Drawing { frame, screen, layout, .. } = &mut on;
     let mut title = None;
     match &screen.snapshot.scene {
         WorldScene::Arm(_) => layout.projections = arrange(area, &state.shown, screen.marker),
@@ -55,7 +55,7 @@ pub fn draw([area, info]: [Rect; 2], state: &SpaceState, on: Drawing) {
         frame.render_widget(title, name);
     }
     let texts = [contour_text(screen, layout), String::new()];
-    draw_scale(frame, info, state, screen, &texts);
+    draw_scale(info, state, on, &texts);
 }
 
 fn shows_field(state: &SpaceState, screen: &Screen) -> bool {
