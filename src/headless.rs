@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use miette::{IntoDiagnostic, Report, miette};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use crate::process::errors::{from_checkpoint_error, print_error};
 use crate::process::signals::TerminationSignal;
@@ -25,8 +25,8 @@ use gdg::printing;
 use gdg::printing::eprint_line;
 use gdg::text::{counted, escape_json_line, grouped, sanitized};
 use gdg::train::{
-    self, EndReason, EvaluateAt, Evaluation, Recovery, SaveTo, Schedule, Trainer, TrainingEvent,
-    TrainingLoop,
+    self, EndReason, EvaluateAt, Evaluation, Moment, Recovery, SaveTo, Schedule, Trainer,
+    TrainingEvent, TrainingLoop,
 };
 use metrics::MetricsTable;
 use progress::Progress;
@@ -58,7 +58,6 @@ pub struct HeadlessOptions {
 pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job().clone());
-    setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(CheckpointSaver::new);
     let open = |path| MetricsTable::open(path, options.overwrite, &setup);
     let table = match options.table.as_deref().map(open).transpose() {
@@ -126,6 +125,12 @@ fn report_recovery(recovery: Recovery) -> Result<(), Report> {
     print(&Record::Recovery(recovery))
 }
 
+fn warn(trainer: &Trainer, text: &str) -> Result<(), Report> {
+    eprint_line(text);
+    let Moment { updates, env_steps, .. } = trainer.moment();
+    print(&Record::Warning(json!({ "updates": updates, "env_steps": env_steps, "text": text })))
+}
+
 struct HeadlessRun<'a> {
     setup: Setup,
     options: &'a HeadlessOptions,
@@ -138,13 +143,13 @@ struct HeadlessRun<'a> {
 }
 
 impl HeadlessRun<'_> {
-    /// Trains, saves and runs the final evaluation. A panic becomes an error so that saving is
-    /// still attempted.
+    /// Trains, saves and evaluates at the end. A panic becomes an error, and saving is still tried.
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |run: &mut Self| {
             let interrupted = (EndReason::Interrupted, None);
             let Some(facts) = run.facts()? else { return Ok(interrupted) };
             print(&Record::start(&run.setup, run.options, facts))?;
+            run.setup.warnings.iter().try_for_each(|text| warn(&run.setup.trainer, text))?;
             let reason = run.train()?;
             if reason == EndReason::Interrupted {
                 return Ok(interrupted);
@@ -161,8 +166,7 @@ impl HeadlessRun<'_> {
         })
     }
 
-    /// Returns facts about the world, some of which are slow to compute; `None` if a signal arrives
-    /// first.
+    /// Returns facts about the world, which may take long; `None` if a signal arrives first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0).into_diagnostic()?;
         let facts = move |_: &_| world.abilities().recorded.map_or_else(Map::new, Recorded::facts);
@@ -185,6 +189,10 @@ impl HeadlessRun<'_> {
                 TrainingEvent::Ticked(_) => self.progress.show(trainer),
                 TrainingEvent::Ended(reason) => return Ok(reason),
                 TrainingEvent::Recovery(recovery) => report_recovery(recovery)?,
+                TrainingEvent::Warned => {
+                    let warnings = trainer.take_warnings();
+                    warnings.iter().try_for_each(|text| warn(trainer, text))?;
+                }
                 TrainingEvent::Progress => {
                     print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
                     self.table.iter_mut().for_each(|table| table.add(trainer, None));
@@ -258,8 +266,7 @@ impl HeadlessRun<'_> {
         }
     }
 
-    /// Adds to the error that has ended training where the run is saved, unless the error itself
-    /// says what to do.
+    /// Adds to an error where the run is saved, unless the error itself says what to do.
     fn explained(&self, error: Report) -> Report {
         let how = self.how_to_go_on().filter(|_| error.help().is_none());
         let Some(help) = how else { return error };
@@ -275,8 +282,7 @@ impl HeadlessRun<'_> {
         Some(format!("the run is saved to {file}: {resume} goes on"))
     }
 
-    /// Evaluates and prints the result, or returns why the world prevents it; returns `None` if a
-    /// signal arrives.
+    /// Evaluates and prints the result, or returns why the world fails; `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
         let (trainer, tasks) = (&mut self.setup.trainer, self.options.eval_tasks);
         let is_new = trainer.counters().updates > self.begun_at;

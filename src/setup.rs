@@ -162,9 +162,6 @@ const BEGIN_STAGES: usize = 4;
 /// another one.
 const OF_ANOTHER_MAP: f64 = 0.05;
 
-/// Most steps of a file that are compared with those of its world.
-const MOST_COMPARED: usize = 20_000;
-
 /// Checks the file with the recorded transitions, before the world is opened, which may take a
 /// minute.
 pub fn check_data(file: &Path, progress: &Job) -> Result<(), Report> {
@@ -184,15 +181,7 @@ pub fn learn_from(
     progress.begin(2, BEGIN_STAGES);
     let data = Dataset::read(file, trainer.world(), progress).map_err(from_data_error)?;
     progress.begin(3, BEGIN_STAGES);
-    let steps = data.steps(MOST_COMPARED);
-    let recorded = trainer.world().abilities().recorded;
-    let mut doubts = recorded.map_or_else(Vec::new, |world| world.doubts(&steps));
-    if data.ends_are_off() {
-        doubts.push("most episodes begin or end with a leap: ends may be a row off".to_owned());
-    }
-    if steps.iter().all(|[_, action, _]| *action == steps[0][1]) {
-        doubts.push("all its actions are the same".to_owned());
-    }
+    let doubts = data.doubts(trainer.world());
     let LeftOut { impossible, by_chance } =
         trainer.learn_from(&data, progress).into_diagnostic()?;
     let (all, file) = (data.source().transitions, sanitized(&file.to_string_lossy()));
@@ -209,13 +198,10 @@ pub fn learn_from(
         (impossible, "impossible on this map", if is_of_another { doubt } else { "" }),
         (by_chance, "they lead far, and not always to the same place", ""),
     ];
-    let endless = data
-        .is_endless
-        .then(|| format!("no row ends an episode: all {all} transitions are taken for one"));
     let left_out = reasons.iter().filter(|(count, ..)| *count > 0).map(|(count, why, doubt)| {
         format!("{count} of {all} transitions are left out: {why}{doubt}")
     });
-    let said: Vec<String> = doubts.into_iter().chain(endless).chain(left_out).collect();
+    let said: Vec<String> = doubts.into_iter().chain(left_out).collect();
     said.iter().for_each(|said| log::warn!("{file}: {said}"));
     Ok((!said.is_empty()).then(|| format!("warning: {file}: {}", said.join("; "))))
 }

@@ -535,6 +535,9 @@ for name, data in {
     'late': (states, actions, numpy.roll(ends, 1)),
     'early': (states, actions, numpy.roll(ends, -1)),
     'still': (states, 0 * actions, ends),
+    'negated': (states, actions * numpy.repeat(1 - 2 * (rng.permutation(40) % 3 == 0), 30)[:, None], ends),
+    'swapped': (states, numpy.vstack((actions[:720], actions[720:, ::-1])), ends),
+    'raw': (states, 0.5 * actions, ends),
 }.items():
     numpy.savez(name + '.npz', observations=data[0], actions=data[1], terminals=data[2])
 ";
@@ -552,6 +555,9 @@ for name, data in {
         ("late", Some("ends may be a row off")),
         ("early", Some("ends may be a row off")),
         ("still", Some("all its actions are the same")),
+        ("negated", Some("% of the steps (episodes ")),
+        ("swapped", Some("% of the steps (episodes 25 to 4")),
+        ("raw", Some("component 0 stays within the environment's bounds, -0.5 to 0.5")),
     ] {
         let data = format!("{name}.npz");
         let args = ["--data", &data, "--max-updates", "3"];
@@ -560,6 +566,41 @@ for name, data in {
         let said = stderr(&output);
         assert_eq!(said.contains("warning"), doubt.is_some(), "{name}: {said}");
         assert!(said.contains(doubt.unwrap_or_default()), "{name}: {said}");
+    }
+}
+
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn an_environment_that_does_not_do_what_it_did_or_says_otherwise_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let trained = |name: &str, after: &str| {
+        let args = ["--max-updates", "700", "--save", "a.safetensors", "--overwrite"];
+        let output =
+            train(folder.path(), name, &args).env("AWKWARD_AFTER", after).output().unwrap();
+        let warned = records(&output, "warning");
+        (warned.iter().map(|warning| warning["text"].to_string()).collect(), stderr(&output))
+    };
+    let cases = [
+        ("Point", AFTER, ""),
+        ("Tells", AFTER, "its own success is not what the goal radius says"),
+        ("Freezes", "0", "its actions have no effect: others lead to the same observations"),
+        ("Freezes", "2000", "actions no longer lead where they led since about step 1,"),
+    ];
+    for (name, after, said) in cases {
+        let (records, errors): (Vec<String>, _) = trained(name, after);
+        assert_eq!(records.len(), usize::from(!said.is_empty()), "{records:?}");
+        assert!(records.concat().contains(said) && errors.contains(said), "{records:?} {errors}");
+    }
+    // A run from data, whose agents do not act, with the same files.
+    let folder = folder.path();
+    let export = program(folder).args(["export-data", "a.safetensors"]).output().unwrap();
+    assert!(export.status.success(), "{}", stderr(&export));
+    let args = ["--data", "a.npz", "--max-updates", "3", "--save", "b.safetensors"];
+    assert!(train(folder, "Point", &args).output().unwrap().status.success());
+    for (speed, is_said) in [("1", false), ("0.5", true)] {
+        let mut resumed = resume(folder, "b.safetensors", &["--max-updates", "4"]);
+        let errors = stderr(&resumed.env("AWKWARD_SPEED", speed).output().unwrap());
+        assert_eq!(errors.contains("the same actions lead elsewhere"), is_said, "{errors}");
     }
 }
 

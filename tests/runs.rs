@@ -210,6 +210,11 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
         let job = out.lines().find(|line| line.contains("jobs/job")).unwrap();
         assert!(job.contains(state), "{job}");
     }
+    // One that nothing here knows of yet.
+    let session = Session::start(folder.path(), &["watch", "later.safetensors"]);
+    session.wait_for("later.safetensors: not there yet: waiting for its first save");
+    std::fs::write(path("later.safetensors"), &checkpoint).unwrap();
+    session.wait_for("watching later.safetensors");
     let mut command = program_in(folder.path());
     command.args(["watch", "none.jsonl"]);
     let done = ran(command);

@@ -85,8 +85,7 @@ fn tasks(scenario: &Scenario, grid: &Grid, progress: &Job) -> Result<String, Rep
     let tasks = scenario.tasks(grid).map_err(from_map_error)?;
     scenario.check_paths(&tasks, grid).map_err(from_map_error)?;
     let longest = tasks.iter().filter_map(|t| t.optimal_octile).reduce(f64::max);
-    let longest =
-        longest.map_or(String::new(), |longest| format!(", longest {longest:.1} cells (octile)"));
+    let longest = longest.map(|n| format!(", longest {n:.1} cells (octile)")).unwrap_or_default();
     let tasks = counted(tasks.len() as u64, "task");
     let facts = facts(grid, scenario.other_map(grid), progress);
     Ok(format!("scenario: {tasks}{longest}\n{facts}"))
@@ -146,9 +145,8 @@ fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
             scale.goal_radius
         ));
     }
-    let warnings =
-        doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
-    lines.extend(warnings.map(|problem| format!("warning:    {problem}")));
+    let all = doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
+    lines.extend(all.map(|problem| format!("warning:    {problem}")));
     lines.join("\n") + "\n"
 }
 

@@ -12,7 +12,7 @@ use super::{CommandOutcome, bad_input, failure, prepare, print, print_safely};
 use crate::cli::{Cli, OpenArgs, RunsArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
-use crate::setup::saves::is_named_like_one;
+use crate::setup::saves::{self, is_named_like_one};
 use crate::tui::{
     self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
@@ -86,12 +86,11 @@ fn show(
 pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
     let opener = opener(&args.open, registry).map_err(failure)?;
     let refusal = ["a run", "gdg-tui runs lists runs without one"];
-    let find = || match to_watch(&args.file)? {
-        (Some(file), records) => {
-            let wish = Wish { file, beside: None, warning: None, watches: Some(records) };
-            opener(wish, &Waiting::on("opening the run")).map(Ok)
-        }
-        (None, records) => Ok(Err(records)),
+    let find = || {
+        let (file, records) = to_watch(&args.file)?;
+        let Some(file) = file else { return Ok(Err(records)) };
+        let wish = Wish { file, beside: None, warning: None, watches: Some(records) };
+        opener(wish, &Waiting::on("opening the run")).map(Ok)
     };
     on_screen(&args.open.screen, refusal, find, |found, interface| match found {
         Ok(opened) => shown(opened, interface),
@@ -113,8 +112,11 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     let goes_on = |run: &Arc<SavedRun>| run.state() == RunState::Running;
     let usable = runs.iter().filter(is_meant).filter(|run| goes_on(run) || run.kept().is_some());
     let last = usable.max_by_key(|run| (goes_on(run), run.written));
-    let own = || (Some(given.to_owned()), given.to_owned());
     let found = last.map(|run| (run.kept(), run.source.clone()));
+    if found.is_none() && obstacle().is_none() {
+        saves::wait_for(given);
+    }
+    let own = || (Some(given.to_owned()), given.to_owned());
     found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
         let help = "a run is seen as its checkpoint has it: train with --save FILE";
         miette!(help = help, "{}: no run with a checkpoint yet", given.display())

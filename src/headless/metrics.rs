@@ -16,17 +16,9 @@ use gdg::text::{counted, grouped};
 use gdg::train::{Evaluation, Trainer};
 
 /// Columns of every line.
-const PROGRESS: [&str; 9] = [
-    "event",
-    "seconds",
-    "updates",
-    "env_steps",
-    "episodes",
-    "updates_per_second",
-    "critic_loss",
-    "model_loss",
-    "actor_loss",
-];
+const PROGRESS: &str = "event,seconds,updates,env_steps,episodes,updates_per_second,critic_loss,\
+                        model_loss,actor_loss";
+const COLUMNS: usize = 9;
 
 type Metric = fn(&Evaluation) -> Option<f64>;
 
@@ -57,7 +49,7 @@ const MAX_BYTES: u64 = 1 << 30;
 
 /// Returns the first line. No name and no number contains a comma.
 fn head() -> String {
-    let names = PROGRESS.into_iter().chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
+    let names = PROGRESS.split(',').chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
     let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
     names.chain(at("greedy")).chain(at("planned")).collect::<Vec<_>>().join(",")
 }
@@ -237,7 +229,7 @@ fn rows_to_keep(table: &[u8], setup: &Setup) -> Result<(usize, u64), String> {
         let points = history.points();
         if let Ok(i) = points.binary_search_by_key(&updates, |point| point.updates)
             && let losses = losses(points[i].losses)
-            && losses[..] != cells[PROGRESS.len() - losses.len()..PROGRESS.len()]
+            && losses[..] != cells[COLUMNS - losses.len()..COLUMNS]
         {
             return Err(format!("line {number} is of another run"));
         }

@@ -83,6 +83,8 @@ pub enum Record {
         path: String,
     },
     Recovery(Recovery),
+    /// What the user is told, and when.
+    Warning(Value),
     End {
         reason: EndReason,
         seconds: f64,

@@ -1,13 +1,14 @@
 //! Saved runs: a folder's checkpoints, the newest of them, and the command that continues one.
 
-use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::path::{Path, PathBuf, absolute};
+use std::time::{Duration, SystemTime};
 
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 
 use gdg::env::{GymOptions, gym};
 use gdg::files::is_hidden;
+use gdg::printing::eprint_line;
 use gdg::text::safe_file_name;
 use gdg::train::{RunDescription, describe};
 
@@ -24,8 +25,21 @@ pub fn is_named_like_one(file: &Path) -> bool {
     name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !is_hidden(file)
 }
 
-/// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted by
-/// name.
+/// Waits for a checkpoint in a folder that is there, if it is not, and says so.
+pub fn wait_for(file: &Path) {
+    let is_to_come = || {
+        !file.exists() && absolute(file).is_ok_and(|file| file.parent().is_some_and(Path::exists))
+    };
+    if is_named_like_one(file) && is_to_come() {
+        let text = "not there yet: waiting for its first save (Ctrl-C cancels)";
+        eprint_line(&format!("{}: {text}", file.display()));
+        while is_to_come() {
+            std::thread::sleep(Duration::from_secs(1));
+        }
+    }
+}
+
+/// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted.
 pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {

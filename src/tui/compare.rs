@@ -43,7 +43,7 @@ pub const LETTERS: [char; 2] = ['A', 'B'];
 /// The pause after an evaluation, as a multiple of its duration.
 const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
-/// The success of one of both from which on races count.
+/// The success of one of both at which races begin anew.
 const WORTH_WATCHING: f64 = 0.8;
 
 /// What is known of a side besides its session.

@@ -4,6 +4,7 @@ All are a point in a square that moves by its action, with a goal. What goes wro
 AWKWARD_AFTER steps of the process, or from the start. With AWKWARD_EXTRA, observations have so many
 more numbers, and AWKWARD_BOUND, AWKWARD_LIMIT, AWKWARD_SIDE and AWKWARD_RADIUS are its largest action,
 time limit, observation and goal radius: another version of the environment, which AWKWARD_VERSION says.
+AWKWARD_SPEED is how far an action leads.
 """
 
 import ctypes
@@ -25,6 +26,7 @@ AFTER = int(os.environ.get("AWKWARD_AFTER", "1000000000"))
 EXTRA = int(os.environ.get("AWKWARD_EXTRA", "0"))
 BOUND = float(os.environ.get("AWKWARD_BOUND", "0.5"))
 LIMIT = int(os.environ.get("AWKWARD_LIMIT", "40"))
+SPEED = float(os.environ.get("AWKWARD_SPEED", "1"))
 if "AWKWARD_VERSION" in os.environ:
     __version__ = os.environ["AWKWARD_VERSION"]
 steps = 0
@@ -67,7 +69,7 @@ class Point(gym.Env):
         assert (np.abs(action) <= 0.5).all(), "actions are scaled"
         # Its own random numbers are part of its state.
         self.wind = 0.9 * self.wind + 0.01 * self.np_random.normal()
-        self.at = np.clip(self.at + action + [self.wind, 0.0], -SIDE, SIDE)
+        self.at = np.clip(self.at + SPEED * action + [self.wind, 0.0], -SIDE, SIDE)
         return self.observe(), 0.0, self.is_over(), False, {}
 
     def is_over(self):
@@ -252,6 +254,21 @@ class Still(Point):
 
     def step(self, action):
         return self.observe(), 0.0, False, False, {}
+
+
+class Freezes(Point):
+    """No longer obeys, while the wind goes on."""
+
+    def step(self, action):
+        return super().step(action * (steps < AFTER))
+
+
+class Tells(Point):
+    """Has another idea of success than its goal radius."""
+
+    def step(self, action):
+        is_near = np.linalg.norm(self.at - self.goal) < 2 * RADIUS
+        return (*super().step(action)[:4], {"is_success": is_near})
 
 
 class Global(Point):

@@ -18,7 +18,7 @@ use tokio::sync::watch;
 
 use crate::env::EnvError;
 use crate::job::{Job, Running, Stopwatch};
-use crate::text::grouped;
+use crate::text::{grouped, sanitized};
 use crate::train::{
     EndReason, EvaluateAt, Evaluation, Limits, Moment, Recovery, Schedule, Tick, TrainError,
     Trainer, TrainingEvent, TrainingLoop,
@@ -29,24 +29,20 @@ use snapshot::{PublishTimer, SNAPSHOT_INTERVAL};
 
 const EVALUATE_EVERY_UPDATES: u64 = 500;
 
-/// Most updates per second of a learner that does not learn, unless the user chooses: at full speed,
-/// random steps would fill the replay buffer and be too fast to watch.
+/// Most updates per second of a learner that does not learn, unless the user chooses, to be watched.
 const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 
 const EVALUATION_TASKS: usize = 10;
 
-/// The pause after an evaluation, as a multiple of its duration: evaluations run beside training,
-/// but on the same cores.
+/// The pause after an evaluation, as a multiple of its duration: it takes training's cores.
 const EVALUATION_PAUSE_FACTOR: u32 = 15;
 
-/// The longest pause: results are replaced before they are much older. But a pause is at least as long
-/// as the evaluation.
+/// The longest pause, unless the evaluation took longer: results are replaced before they are old.
 const MAX_PAUSE: Duration = Duration::from_secs(10);
 
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Time without progress after which a stopping trainer counts as hung. Updates of the largest
-/// networks, edits of the largest maps and slow disks take minutes.
+/// Time without progress after which a stopping trainer counts as hung: large edits take minutes.
 const HUNG_AFTER: Duration = Duration::from_mins(10);
 
 /// Niceness of training relative to the front end: a thread gets about a tenth of a contended core.
@@ -262,6 +258,10 @@ impl TrainingThread {
             let tick = loop {
                 match self.session.next(&mut self.trainer, &self.current.limits)? {
                     TrainingEvent::Recovery(recovery) => self.on_recovery(recovery),
+                    TrainingEvent::Warned => {
+                        let warnings = self.trainer.take_warnings();
+                        self.report(sanitized(&warnings.join("; ")));
+                    }
                     TrainingEvent::Evaluation => self.evaluation_is_due = true,
                     TrainingEvent::Edit => self.make_edit()?,
                     TrainingEvent::Progress | TrainingEvent::Save => {}

@@ -4,9 +4,12 @@
 //! of the [`Abilities`] it offers evaluation and front ends. The learner sees only sizes and scales
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
+#![allow(missing_docs, reason = "documented where names and types do not say it")]
+
 mod abilities;
 mod contact;
 pub mod fetch_reach;
+mod first_look;
 mod goal_space;
 pub mod gym;
 pub mod maze;
@@ -18,6 +21,7 @@ use std::sync::Arc;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use crate::job::Job;
@@ -25,10 +29,13 @@ use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use abilities::{
     Abilities, Change, Drawn, Editable, Episodes, Evaluated, Explored, MAX_PROBES, Probes,
-    Recorded, RecordedStep,
+    Recorded, StraightAction,
 };
 pub use contact::Contact;
 pub use fetch_reach::{ArmScene, FetchReach};
+pub(crate) use first_look::{
+    Agreement, DirectEffect, EffectWatch, FirstLook, RecordedStep, direct_effects, share,
+};
 pub use goal_space::{GoalSpace, Walls};
 pub use gym::GymOptions;
 pub use maze::PointMaze;
@@ -43,20 +50,9 @@ pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
 /// Why a world fails, or cannot replace another in a run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EnvError {
-    /// The world cannot be edited.
-    #[error("the world {0} cannot be edited")]
-    NotEditable(&'static str),
-    /// The world is of another kind.
-    #[error("the run uses a world of kind {run}, not {other}")]
-    KindMismatch {
-        /// Kind of the run's world.
-        run: &'static str,
-        /// Kind of the other world.
-        other: &'static str,
-    },
-    /// It has no task of its own.
-    #[error("{0} has no start S from which a goal G can be reached, which goals=map requires")]
-    NoOwnTask(String),
+    /// It cannot replace the run's world, or has not what the run needs.
+    #[error("{0}")]
+    Unfit(String),
     /// What is stored of the world cannot be loaded.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -73,17 +69,8 @@ pub enum EnvError {
     /// It took long although training was to stop.
     #[error("the environment was given up, as training was to stop")]
     Stopped,
-    /// The map has another size.
-    #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
-    SizeMismatch {
-        /// Columns and rows of the map.
-        map: (usize, usize),
-        /// Columns and rows of the run's map.
-        run: (usize, usize),
-    },
 }
 
-/// The built-in worlds.
 pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, gym::KIND];
 
 /// Registry entry of a kind of world.
@@ -94,7 +81,6 @@ pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, gym::KIND];
 pub struct WorldKind {
     /// Name in checkpoints and, for worlds that need no file, on the command line.
     pub name: &'static str,
-    /// Short description.
     pub about: &'static str,
     /// Creates the world, if it needs no file.
     pub create: Option<fn() -> Box<dyn Environment>>,
@@ -114,14 +100,12 @@ pub type OpenWorld = fn(&str, &GymOptions) -> Result<Box<dyn Environment>, EnvEr
 /// Loads a world from a checkpoint. The options are those of the present command line.
 pub type LoadWorld = fn(&Store, &GymOptions) -> Result<Box<dyn Environment>, EnvError>;
 
-/// Where episodes begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restart {
     /// Where the previous episode ended, the first one at the world's own start; at a random place
     /// in a world without a start.
     Auto,
-    /// At a random place.
     Anywhere,
     /// At the world's own start: a map's `S`, or a random one if there are several.
     StartCell,
@@ -129,21 +113,17 @@ pub enum Restart {
     Never,
 }
 
-/// What agents are asked to reach.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Goals {
-    /// Random places.
     #[default]
     Anywhere,
     /// The goal of the world's own task, from its start: of a map, `G` from `S`.
     Map,
 }
 
-/// Settings common to all worlds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnvSettings {
-    /// Where episodes begin.
     pub restart: Restart,
     /// What agents are asked to reach. With [`Goals::Map`], episodes begin at the world's own start.
     pub goals: Goals,
@@ -154,6 +134,18 @@ pub struct EnvSettings {
 impl Default for EnvSettings {
     fn default() -> Self {
         Self { restart: Restart::Auto, goals: Goals::Anywhere, noise: 0.0 }
+    }
+}
+
+impl EnvSettings {
+    /// Returns an action in [-1, 1], after the noise.
+    pub(crate) fn noisy(self, action: f32, rng: &mut ChaCha8Rng) -> f32 {
+        let action = action.clamp(-1.0, 1.0);
+        if self.noise <= 0.0 {
+            return action;
+        }
+        let sample: f32 = StandardNormal.sample(rng);
+        (action + self.noise * sample).clamp(-1.0, 1.0)
     }
 }
 
@@ -193,12 +185,10 @@ pub struct Spec {
 }
 
 impl Spec {
-    /// Returns the state size.
     pub fn state_dim(&self) -> usize {
         self.state_centre.len()
     }
 
-    /// Returns the goal size.
     pub fn goal_dim(&self) -> usize {
         self.achieved.len()
     }
@@ -238,7 +228,6 @@ impl Spec {
         self.is_away(state, self.achieved(next))
     }
 
-    /// Returns whether `state` reaches `goal`.
     pub fn reached(&self, state: &[f32], goal: &[f32]) -> bool {
         self.goal_distance(state, goal) < self.goal_radius
     }
@@ -366,7 +355,12 @@ impl dyn Environment {
         Ok(Some(self.spec().achieved(self.states()).collect()))
     }
 
-    /// Returns the number of agents.
+    /// `(state_dim)`.
+    pub fn state(&self, agent: usize) -> &[f32] {
+        let dim = self.spec().state_dim();
+        &self.states()[agent * dim..(agent + 1) * dim]
+    }
+
     pub fn agents(&self) -> usize {
         self.states().len() / self.spec().state_dim()
     }
@@ -386,6 +380,10 @@ impl dyn Environment {
         self.abilities().recorded.map_or_else(Vec::new, Recorded::take_warnings)
     }
 
+    pub(crate) fn first_look(&self) -> Option<FirstLook<'_>> {
+        self.abilities().recorded.and_then(Recorded::first_look)
+    }
+
     /// Returns evaluation tasks, `per_group` in each group: the world's own, or else random starts
     /// and goals at unknown distances. The first call may take seconds.
     pub fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
@@ -396,7 +394,6 @@ impl dyn Environment {
     }
 }
 
-/// What a front end draws for a world.
 #[derive(Clone, Debug)]
 pub enum WorldScene {
     /// The space of goals, of a world without a picture of its own.
@@ -409,16 +406,13 @@ pub enum WorldScene {
 }
 
 impl WorldScene {
-    /// Returns the maze, if it is one.
     pub fn maze(&self) -> Option<&MazeScene> {
         if let Self::Maze(maze) = self { Some(maze) } else { None }
     }
 }
 
-/// A maze and its visit counts.
 #[derive(Clone, Debug)]
 pub struct MazeScene {
-    /// The map.
     pub map: Arc<Grid>,
     /// Visit count of each cell, row-major.
     pub visits: Arc<Vec<u32>>,

@@ -18,20 +18,16 @@ use crate::text::sanitized_lines;
 /// they occur.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// Maximum size of the queue in bytes: days of records. When it is full, printing waits for the
-/// reader or a signal.
+/// Sizes of the queue in bytes: days of records, above which printing waits for the reader or a
+/// signal, and that above which frames of a progress bar are dropped.
 const MAX_QUEUED: usize = 16 << 20;
-
-/// Queue size in bytes above which frames of a progress bar are dropped.
 const MAX_QUEUED_FRAMES: usize = 1 << 16;
 
 /// Bytes per write: few, so that a slow reader's progress is noticed.
 const CHUNK: usize = 4096;
 
-/// Polling interval while waiting for a reader.
+/// The interval between looks for a reader, and how long one that reads nothing has after a signal.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-
-/// Timeout after a signal for a reader that reads nothing.
 const IDLE_AT_END: Duration = Duration::from_millis(300);
 
 /// Whether a signal ends the program: nothing waits for readers any more.
@@ -56,9 +52,11 @@ pub struct OutputStream {
 struct Queue {
     /// Bytes that the thread has not taken yet.
     bytes: Vec<u8>,
-    /// Whether the thread is writing what it took, and the number of bytes written so far.
+    /// Whether the thread is writing what it took, how many bytes it has written so far, and whether an
+    /// error has cut off a line, which is ended first then.
     is_writing: bool,
     written: usize,
+    is_torn: bool,
     /// The latest unreported error.
     error: Option<io::Error>,
     /// Whether the thread runs; `None` before the first byte.
@@ -85,6 +83,7 @@ impl OutputStream {
             bytes: Vec::new(),
             is_writing: false,
             written: 0,
+            is_torn: false,
             error: None,
             has_thread: None,
             latest: None,
@@ -92,8 +91,7 @@ impl OutputStream {
         Self { name, write, queue: Mutex::new(queue), changed: Condvar::new() }
     }
 
-    /// Prints `bytes`. If the reader does not keep up, they are written later; errors may be those of
-    /// earlier bytes.
+    /// Prints `bytes`, later if the reader does not keep up; errors may be those of earlier bytes.
     pub fn print(&'static self, bytes: &[u8]) -> io::Result<()> {
         let mut queue = self.queue.lock();
         while queue.bytes.len() > MAX_QUEUED && !hurries() {
@@ -135,8 +133,7 @@ impl OutputStream {
         self.queue.lock().latest
     }
 
-    /// Waits until everything is written, for as long as that takes. A signal ends the wait soon if
-    /// the reader does not read.
+    /// Waits until everything is written, or for a signal if the reader does not read.
     pub fn flush(&'static self) -> io::Result<()> {
         self.wait(hurries).outcome()
     }
@@ -186,18 +183,20 @@ impl OutputStream {
     }
 
     fn write_queued(&self, queue: &mut MutexGuard<Queue>) {
-        let taken = std::mem::take(&mut queue.bytes);
+        let end: &[u8] = if queue.is_torn { b"\n" } else { b"" };
+        let taken = [end, &std::mem::take(&mut queue.bytes)].concat();
         queue.is_writing = true;
-        let began = Instant::now();
+        let (before, began) = (queue.written, Instant::now());
         let outcome = MutexGuard::unlocked(queue, || self.write_all(&taken));
         queue.is_writing = false;
+        let last = taken[..queue.written - before].last();
+        queue.is_torn = outcome.is_err() && last.map_or(queue.is_torn, |last| *last != b'\n');
         queue.latest = Some((Instant::now(), began.elapsed()));
         queue.error = outcome.err().or(queue.error.take());
         self.changed.notify_all();
     }
 
-    /// Writes all of `bytes`, and waits where a reader shares a pipe or terminal that does not
-    /// block.
+    /// Writes all of `bytes`, and waits where a pipe or terminal that is shared does not block.
     fn write_all(&self, mut bytes: &[u8]) -> io::Result<()> {
         while !bytes.is_empty() {
             match (self.write)(&bytes[..bytes.len().min(CHUNK)]) {
@@ -227,8 +226,7 @@ pub fn stderr() -> &'static OutputStream {
     &STDERR
 }
 
-/// Prints a text to standard output and waits until it is written. A reader that closes the pipe early
-/// (`| head`) is not an error.
+/// Prints a text and waits until it is written. A reader that closes the pipe early is not an error.
 pub fn print_text(text: &str) -> io::Result<()> {
     match STDOUT.print(text.as_bytes()).and_then(|()| STDOUT.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
@@ -236,8 +234,7 @@ pub fn print_text(text: &str) -> io::Result<()> {
     }
 }
 
-/// Prints a line to standard error, made safe to display: it may quote names and files. Ignores
-/// write errors: if standard error is gone, there is nowhere to report them.
+/// Prints a line to standard error, made safe to display. Where that is gone, nothing can be reported.
 pub fn eprint_line(line: &str) {
     eprint_raw(&sanitized_lines(line));
 }
@@ -256,8 +253,7 @@ fn hurries() -> bool {
     HURRIES.load(Ordering::Relaxed)
 }
 
-/// Waits at the end of the program until everything is written (see [`OutputStream::flush`]);
-/// errors have been reported, or cannot be.
+/// Waits at the end of the program until everything is written; errors have been reported.
 pub fn finish() {
     let _ = STDOUT.flush();
     let _ = STDERR.flush();
@@ -275,9 +271,9 @@ mod tests {
         // A reader that takes a few bytes at a time, and none while the gate is closed.
         static STREAM: OutputStream = OutputStream::new("test", |bytes| {
             let _open = GATE.lock();
-            let n = bytes.len().min(3);
+            let n = bytes.iter().take(3).take_while(|byte| **byte != b'!').count();
             READ.lock().extend_from_slice(&bytes[..n]);
-            if bytes.starts_with(b"!") { Err(ErrorKind::StorageFull.into()) } else { Ok(n) }
+            if n == 0 { Err(ErrorKind::StorageFull.into()) } else { Ok(n) }
         });
         let closed = GATE.lock();
         let began = Instant::now();
@@ -289,8 +285,12 @@ mod tests {
         drop(closed);
         STREAM.flush().expect("written");
         assert_eq!(String::from_utf8_lossy(&READ.lock()), lines.concat());
-        let printed = STREAM.print(b"!").and_then(|()| STREAM.flush());
-        assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);
-        assert!(STREAM.print(b"b").and_then(|()| STREAM.flush()).is_ok());
+        // A disk that is full in the middle of a line, and then not any more.
+        for torn in ["{cut!off}\n", "!\n"] {
+            let printed = STREAM.print(torn.as_bytes()).and_then(|()| STREAM.flush());
+            assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);
+        }
+        assert!(STREAM.print(b"{whole}\n").and_then(|()| STREAM.flush()).is_ok());
+        assert!(READ.lock().ends_with(b"\n{cut\n{whole}\n"), "a line of its own");
     }
 }

@@ -4,6 +4,7 @@
 
 mod checkpoint;
 mod dataset;
+mod doubts;
 mod evaluate;
 mod film;
 mod history;
@@ -50,6 +51,8 @@ pub use settings_file::{
 };
 pub use trainer::{About, Edit, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
 pub use training_loop::{EvaluateAt, Schedule, TrainingEvent, TrainingLoop};
+
+type Result<T, E = TrainError> = std::result::Result<T, E>;
 
 impl From<candle_core::Error> for TrainError {
     fn from(error: candle_core::Error) -> Self {

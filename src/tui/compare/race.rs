@@ -26,7 +26,7 @@ pub struct Race {
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
     over: Option<Instant>,
-    /// Whether races are worth watching, as one of both reaches most goals; before, they only try.
+    /// Whether one of both reaches most goals: then races begin anew, as there was little to see.
     pub is_on: bool,
     /// Races that each side has finished at the goal, and all that are over.
     pub results: ([u32; 2], u32),

@@ -21,7 +21,7 @@ pub(super) fn film(app: &Session, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
             30.0 * (1.0 - share) + 3.0 * share * (at[0] - 19.5).abs().max((at[1] - 4.5).abs())
         };
         let distances: Vec<f32> = states.iter().map(distance).collect();
-        film.add(*updates, 32 * updates, &world, &points, &distances);
+        film.add([*updates, 32 * updates], &world, &points, &distances);
     }
     film.frames().clone()
 }
@@ -134,7 +134,7 @@ fn the_past_of_an_arm_is_a_field_through_its_goal() {
     draw(&mut app, 120, 40);
     let (world, mut film) = (FetchReach::new(3), Film::default());
     let points = film.points(&world).expect("points");
-    film.add(1, 8, &world, &points, &vec![5.0; points.place_of.len()]);
+    film.add([1, 8], &world, &points, &vec![5.0; points.place_of.len()]);
     app.change_snapshot(|snapshot| snapshot.film = film.frames().clone());
     app.act(Action::Back);
     let (views, began) = (app.views(), Instant::now());

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value};
 
-use super::{EnvError, Environment, GroundTruth, Region, Task, TaskSet, WorldScene};
+use super::{EnvError, Environment, FirstLook, GroundTruth, Region, Task, TaskSet, WorldScene};
 use crate::store::Store;
 
 /// The abilities of a world; by default none.
@@ -17,20 +17,13 @@ use crate::store::Store;
 pub struct Abilities<'a> {
     /// What runs record of it.
     pub recorded: Option<&'a dyn Recorded>,
-    /// Its own episodes.
     pub episodes: Option<&'a dyn Episodes>,
-    /// Its own evaluation.
     pub evaluated: Option<&'a dyn Evaluated>,
     /// How much of it has been explored.
     pub explored: Option<&'a dyn Explored>,
-    /// How it can be edited during a run.
     pub editable: Option<&'a dyn Editable>,
-    /// How it is drawn and filmed.
     pub drawn: Option<&'a dyn Drawn>,
 }
-
-/// A state, the action in it, and where that has led.
-pub type RecordedStep<'a> = [&'a [f32]; 3];
 
 /// A world with a title, facts and data of its own.
 pub trait Recorded {
@@ -64,9 +57,9 @@ pub trait Recorded {
         None
     }
 
-    /// Says why recorded steps may not be of this world.
-    fn doubts(&self, _steps: &[RecordedStep]) -> Vec<String> {
-        Vec::new()
+    /// Returns what a first look has found, by which other steps can be judged.
+    fn first_look(&self) -> Option<FirstLook<'_>> {
+        None
     }
 
     /// Turns a state of a file of recorded transitions into one of the world, if files have another
@@ -123,17 +116,18 @@ pub trait Evaluated: Sync {
         None
     }
 
-    /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the
-    /// way, to `action` (`action_dim`); returns whether the world knows such an action. Evaluations
-    /// report how far it gets, as a baseline.
-    fn straight_action(&self, _state: &[f32], _goal: &[f32], _action: &mut [f32]) -> bool {
-        false
+    /// Returns what heads straight for a goal, if the world knows such an action. Evaluations report
+    /// how far it gets, as a baseline.
+    fn straight_action(&self) -> Option<StraightAction> {
+        None
     }
 }
 
+/// Writes the action that heads straight from a state for a goal, as if nothing were in the way.
+pub type StraightAction = fn(&[f32], &[f32], &mut [f32]);
+
 /// A world of countable places, such as cells. The trainer counts the agents' visits to them.
 pub trait Explored {
-    /// Returns the number of places.
     fn places(&self) -> usize;
 
     /// Returns the index of the place that `state` (`state_dim`) lies in.
@@ -166,16 +160,13 @@ pub trait Drawn {
     }
 }
 
-/// What a world edit changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// Whether distances may have grown, so that the learned ones are too short.
     pub may_lengthen: bool,
     /// Where steps may lead elsewhere than before; [`Region::everything`] if unknown.
     pub region: Region,
-    /// Short description of the change.
     pub summary: String,
-    /// Warning for the user, if any.
     pub warning: Option<String>,
     /// Facts about the change for the run's records, by name.
     pub facts: Map<String, Value>,

@@ -17,7 +17,6 @@ use std::sync::Arc;
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
@@ -30,7 +29,6 @@ pub use geometry::{ArmScene, Corners, Pose, ProbeLattice};
 use geometry::{film_probes, random_goal};
 use model::GOAL_CENTRE;
 
-/// Registry entry of the arm.
 pub const KIND: WorldKind = WorldKind {
     name: "fetch-reach",
     about: "a 7-joint arm that reaches for points in space",
@@ -64,7 +62,6 @@ const STATE: usize = 10;
 /// Size of an action: pulls along x, y and z, and the gripper's opening, which has no effect.
 const ACTION: usize = 4;
 
-/// Number of distance groups that evaluations report.
 const DISTANCE_GROUPS: usize = 5;
 
 /// Arms that reach for points.
@@ -73,7 +70,7 @@ const DISTANCE_GROUPS: usize = 5;
 /// [`super::Restart::Anywhere`] and [`super::Restart::StartCell`] are the same here.
 pub struct FetchReach {
     spec: Spec,
-    noise: f32,
+    settings: EnvSettings,
     arms: Vec<Arm>,
     /// `(agents, 10)`.
     states: Vec<f32>,
@@ -81,7 +78,6 @@ pub struct FetchReach {
 }
 
 impl FetchReach {
-    /// Creates a world with `agents` arms at reset.
     pub fn new(agents: usize) -> Self {
         let [x, y, z] = GOAL_CENTRE.as_vec3().to_array();
         let spec = Spec {
@@ -98,7 +94,7 @@ impl FetchReach {
         };
         let mut world = Self {
             spec,
-            noise: 0.0,
+            settings: EnvSettings::default(),
             arms: vec![Arm::at_reset(); agents],
             states: vec![0.0; agents * STATE],
             rows: ConstraintRows::new(),
@@ -107,7 +103,6 @@ impl FetchReach {
         world
     }
 
-    /// Computes an arm's state.
     fn observe(&mut self, agent: usize) {
         let (arm, state) = (&self.arms[agent], &mut self.states[agent * STATE..][..STATE]);
         let frames = arm.frames();
@@ -163,15 +158,8 @@ impl Environment for FetchReach {
 
     /// Steps all arms. Noise is added to the action's first three components.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        let noise = self.noise;
         for (agent, action) in actions.chunks_exact(ACTION).enumerate() {
-            let mut pull = [action[0], action[1], action[2]].map(|v| v.clamp(-1.0, 1.0));
-            if noise > 0.0 {
-                for v in &mut pull {
-                    let sample: f32 = StandardNormal.sample(rng);
-                    *v = (*v + noise * sample).clamp(-1.0, 1.0);
-                }
-            }
+            let pull = [action[0], action[1], action[2]].map(|v| self.settings.noisy(v, rng));
             self.arms[agent].step(pull.map(f64::from).into(), &mut self.rows);
             self.observe(agent);
         }
@@ -179,12 +167,12 @@ impl Environment for FetchReach {
     }
 
     fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
-        Ok(Box::new(Self { noise: self.noise, ..Self::new(agents) }))
+        Ok(Box::new(Self { settings: self.settings, ..Self::new(agents) }))
     }
 
     /// Honours the noise; see [`FetchReach`] for where episodes begin.
     fn configure(&mut self, settings: &EnvSettings) {
-        self.noise = settings.noise;
+        self.settings = *settings;
     }
 
     fn full_state(&self, agent: usize) -> Vec<f64> {

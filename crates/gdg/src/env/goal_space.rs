@@ -39,12 +39,10 @@ impl GoalSpace {
         self.walls.as_ref().is_some_and(|walls| walls.cell_at(at).is_none_or(|i| walls.is_wall(i)))
     }
 
-    /// Returns the sizes and scales of the world.
     pub fn spec(&self) -> &Spec {
         &self.spec
     }
 
-    /// Returns the world with one agent.
     pub fn world(&self) -> Result<Box<dyn Environment>, EnvError> {
         self.world.clone()?.fork(1)
     }
@@ -63,14 +61,12 @@ impl GoalSpace {
         [-1.0, 1.0].map(|side| spec.state_centre[i] + side * spec.state_half_range[i])
     }
 
-    /// Returns the name of a goal's component `i`.
     pub fn name(&self, i: usize) -> String {
         let named = self.spec().goal_dim() <= NAMES.len() && self.spec().position_scale.is_some();
         if named { NAMES[i].to_owned() } else { format!("g{i}") }
     }
 }
 
-/// Names of the components of positions.
 const NAMES: [&str; 3] = ["x", "y", "z"];
 
 /// Two are equal if nothing that is drawn differs.
@@ -116,12 +112,10 @@ impl Walls {
         self.is_wall.first().map_or(0, Vec::len)
     }
 
-    /// Returns the length of a cell's shorter side.
     pub fn cell_size(&self) -> f32 {
         self.cell[0].abs().min(self.cell[1].abs())
     }
 
-    /// Returns the number of cells.
     pub fn cells(&self) -> usize {
         self.is_wall.len() * self.columns()
     }
@@ -146,7 +140,6 @@ impl Walls {
             .then(|| row as usize * self.columns() + column as usize)
     }
 
-    /// Returns whether the cell with this index is a wall.
     pub fn is_wall(&self, cell: usize) -> bool {
         self.is_wall[cell / self.columns()][cell % self.columns()]
     }

@@ -17,7 +17,6 @@ use std::sync::Arc;
 use parking_lot::Mutex;
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use super::{Abilities, EnvError, EnvSettings, Environment, Spec, Walls, WorldKind};
@@ -29,7 +28,6 @@ use worker::{EnvDescription, GymWorker, REST, failed};
 use worker_pool::Pool;
 pub use worker_pool::{Address, GymOptions};
 
-/// Registry entry of the environments of Gymnasium.
 pub const KIND: WorldKind = WorldKind {
     name: "gym",
     about: "a Gymnasium environment with goals, in Python: gym:ID or gym:PACKAGE:ID",
@@ -44,7 +42,8 @@ pub const KIND: WorldKind = WorldKind {
     defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "near_goals=0"],
 };
 
-/// Name in the store.
+type Result<T, E = EnvError> = std::result::Result<T, E>;
+
 const STORED: &str = "gym";
 
 /// Tasks of an evaluation that run at once: each takes an environment.
@@ -52,6 +51,15 @@ const TASKS_AT_ONCE: usize = 16;
 
 /// In the place of a checksum: whatever comes out of an episode is right.
 const UNCHECKED: f64 = -1.0;
+
+/// What is said once.
+const NEW_EPISODES: &str = "the agents begin new episodes";
+const OTHER_SUCCESS: &str =
+    "its own success is not what the goal radius says (--goal-radius sets another)";
+
+/// An environment's own word on whether a goal is reached counts where the distance is not the goal radius
+/// to within this share of it.
+const UNSURE: f32 = 0.1;
 
 /// Tasks count from 1.
 const NO_TASK: f64 = 0.0;
@@ -69,6 +77,8 @@ struct Stored {
 struct Episode {
     seed: u32,
     task: Option<u32>,
+    /// What the environment asks for.
+    goal: Vec<f32>,
     /// `(steps, action_dim)`, in [-1, 1].
     actions: Vec<f32>,
     /// CRC-32 of all that has come out: goal, observations, what was achieved, and the end.
@@ -90,11 +100,10 @@ impl Episode {
     }
 }
 
-/// Agents in environments of Gymnasium.
 pub struct Gym {
     pool: Arc<Pool>,
     found: Arc<EnvFacts>,
-    noise: f32,
+    settings: EnvSettings,
     /// Workers, and the agents in the environments of each.
     workers: Mutex<Vec<(GymWorker, Range<usize>)>>,
     /// `(agents, state_dim)`.
@@ -110,7 +119,7 @@ pub struct Gym {
 }
 
 impl Gym {
-    fn load(store: &Store, options: &GymOptions) -> Result<Self, EnvError> {
+    fn load(store: &Store, options: &GymOptions) -> Result<Self> {
         let Stored { address, found, about } = store.json(STORED)?;
         let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
         let (pool, found) = if options.reads_only {
@@ -125,7 +134,7 @@ impl Gym {
         Self {
             pool,
             found,
-            noise: 0.0,
+            settings: EnvSettings::default(),
             workers: Mutex::default(),
             states: Vec::new(),
             ended: Vec::new(),
@@ -139,7 +148,7 @@ impl Gym {
     /// Returns this world with agents that have not begun yet, in these workers.
     fn with_agents(&self, workers: Vec<(GymWorker, Range<usize>)>, agents: usize) -> Self {
         let mut world = Self::without_agents(self.pool.clone(), self.found.clone(), self.is_open);
-        world.noise = self.noise;
+        world.settings = self.settings;
         *world.workers.get_mut() = workers;
         world.states = vec![0.0; agents * self.spec().state_dim()];
         (world.ended, world.retired) = (vec![false; agents], vec![false; agents]);
@@ -147,7 +156,6 @@ impl Gym {
         world
     }
 
-    /// Returns the walls of its maze, if it has one.
     fn maze(&self) -> Option<&Walls> {
         self.found.maze_of(&self.pool.about)
     }
@@ -158,18 +166,26 @@ impl Gym {
     }
 
     /// Begins an episode of `agent`; returns its goal.
-    fn begin(&mut self, agent: usize, seed: u32, task: Option<u32>) -> Result<Vec<f32>, EnvError> {
-        let pool = self.pool.clone();
-        let (row, goal) = self.with_worker(agent, |worker, environment| {
-            worker.reset(&pool.about, environment, seed, task)
-        })?;
-        let mut episode = Episode { seed, task, ..Episode::default() };
+    fn begin(&mut self, agent: usize, seed: u32, task: Option<u32>) -> Result<Vec<f32>> {
+        let (row, goal) = self.with_worker(agent, |worker, i| worker.reset(i, seed, task))?;
+        let own: Vec<f32> = self.found.goal_columns.iter().map(|column| goal[*column]).collect();
+        let mut episode = Episode { seed, task, goal: own.clone(), ..Episode::default() };
         episode.add(&goal);
         episode.add(&row);
         self.episodes[agent] = episode;
         (self.ended[agent], self.retired[agent]) = (false, false);
         self.set_state(agent, &self.state(&row));
-        Ok(self.found.goal_columns.iter().map(|column| goal[*column]).collect())
+        Ok(own)
+    }
+
+    /// Warns where the environment has told otherwise of its own goal than the goal radius says.
+    fn compare(&self, state: &[f32], goal: &[f32], told: bool) {
+        let (radius, distance) = (self.spec().goal_radius, self.spec().goal_distance(state, goal));
+        let by = if told { distance / radius - 1.0 } else { 1.0 - distance / radius };
+        if by > UNSURE && !self.pool.moves_goal {
+            let why = format!("{told} at a distance of {distance}, where the radius is {radius}");
+            self.pool.warn_once(OTHER_SUCCESS, &why);
+        }
     }
 
     fn set_state(&mut self, agent: usize, state: &[f32]) {
@@ -178,17 +194,17 @@ impl Gym {
     }
 
     /// Begins an episode again and repeats its actions; returns whether the same came out.
-    fn repeat(&mut self, agent: usize, episode: &Episode) -> Result<bool, EnvError> {
+    fn repeat(&mut self, agent: usize, episode: &Episode) -> Result<bool> {
         self.begin(agent, episode.seed, episode.task)?;
-        let (pool, a) = (self.pool.clone(), self.spec().action_dim);
+        let a = self.spec().action_dim;
         for action in episode.actions.chunks_exact(a) {
             // The others rest.
             let mut stepped = self.with_worker(agent, |worker, environment| {
                 let mut actions = vec![REST; a * environment];
                 actions.extend(action);
-                worker.step(&pool.about, &actions)
+                worker.step(&actions)
             })?;
-            let Some((row, ended)) = stepped.pop() else { continue };
+            let Some((row, ended, _)) = stepped.pop() else { continue };
             self.episodes[agent].step(action, &row, ended);
             self.ended[agent] = ended;
             self.set_state(agent, &self.state(&row));
@@ -200,8 +216,8 @@ impl Gym {
     fn with_worker<R>(
         &mut self,
         agent: usize,
-        act: impl FnOnce(&mut GymWorker, usize) -> Result<R, EnvError>,
-    ) -> Result<R, EnvError> {
+        act: impl FnOnce(&mut GymWorker, usize) -> Result<R>,
+    ) -> Result<R> {
         self.check()?;
         let found = self.workers.get_mut().iter_mut().find(|(_, agents)| agents.contains(&agent));
         let Some((worker, agents)) = found else { unreachable!("every agent has a worker") };
@@ -214,7 +230,7 @@ impl Gym {
     }
 
     /// Checks that there are workers, none of which has failed before.
-    fn check(&self) -> Result<(), EnvError> {
+    fn check(&self) -> Result<()> {
         let problem = match (self.has_failed(), self.is_open) {
             (true, _) => "it has failed before: resume the run from its checkpoint",
             (false, false) => "only what its checkpoint knows of it is read here",
@@ -223,7 +239,6 @@ impl Gym {
         Err(failed(&self.pool.address.id, problem.to_owned(), Vec::new()))
     }
 
-    /// Returns the state of `agent`.
     fn state_of(&self, agent: usize) -> Vec<f64> {
         let s = self.found.spec.state_dim();
         self.states[agent * s..(agent + 1) * s].iter().map(|v| f64::from(*v)).collect()
@@ -247,7 +262,7 @@ impl Environment for Gym {
         &self.states
     }
 
-    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) -> Result<()> {
         if !self.is_open {
             return Ok(());
         }
@@ -261,20 +276,15 @@ impl Environment for Gym {
         goal.copy_from_slice(&goals[at..at + goal.len()]);
     }
 
-    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
+    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<()> {
         self.begin_step(actions, rng)?;
         self.end_step()
     }
 
-    fn begin_step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<bool, EnvError> {
+    fn begin_step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<bool> {
         self.check()?;
-        let mut noisy = actions.to_vec();
-        if self.noise > 0.0 {
-            for action in &mut noisy {
-                let sample: f32 = StandardNormal.sample(rng);
-                *action = action.clamp(-1.0, 1.0) + self.noise * sample;
-            }
-        }
+        let mut noisy: Vec<f32> =
+            actions.iter().map(|action| self.settings.noisy(*action, rng)).collect();
         let a = self.spec().action_dim;
         for (action, retired) in noisy.chunks_exact_mut(a).zip(&self.retired) {
             if *retired {
@@ -282,31 +292,34 @@ impl Environment for Gym {
             }
         }
         self.workers.get_mut().iter_mut().try_for_each(|(worker, agents)| {
-            worker.begin_step(&self.pool.about, &noisy[a * agents.start..a * agents.end])
+            worker.begin_step(&noisy[a * agents.start..a * agents.end])
         })?;
         self.stepping = Some(noisy);
         Ok(true)
     }
 
-    fn end_step(&mut self) -> Result<(), EnvError> {
+    fn end_step(&mut self) -> Result<()> {
         let (Some(actions), a) = (self.stepping.take(), self.spec().action_dim) else {
             return Ok(());
         };
         let mut all = Vec::new();
         for (worker, agents) in self.workers.get_mut() {
-            all.extend(worker.end_step(&self.pool.about, agents.len())?);
+            all.extend(worker.end_step(agents.len())?);
         }
-        for (agent, (action, (row, ended))) in actions.chunks_exact(a).zip(all).enumerate() {
+        for (agent, (action, (row, ended, told))) in actions.chunks_exact(a).zip(all).enumerate() {
             if !self.retired[agent] && !self.ended[agent] {
                 self.episodes[agent].step(action, &row, ended);
                 self.ended[agent] = ended;
-                self.set_state(agent, &self.state(&row));
+                let state = self.state(&row);
+                self.set_state(agent, &state);
+                told.into_iter()
+                    .for_each(|told| self.compare(&state, &self.episodes[agent].goal, told));
             }
         }
         Ok(())
     }
 
-    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>, EnvError> {
+    fn fork(&self, agents: usize) -> Result<Box<dyn Environment>> {
         let mut workers = Vec::new();
         let each = agents.div_ceil(self.pool.options.workers.max(1)).max(1);
         for start in (0..agents).step_by(each).filter(|_| self.is_open) {
@@ -326,7 +339,7 @@ impl Environment for Gym {
 
     /// Honours the noise; the environment itself knows where episodes begin.
     fn configure(&mut self, settings: &EnvSettings) {
-        self.noise = settings.noise;
+        self.settings = *settings;
     }
 
     /// Answers are no longer waited for once training is to stop, by all that share its workers.
@@ -341,7 +354,7 @@ impl Environment for Gym {
         if !self.is_open || self.has_failed() {
             return full;
         }
-        let Episode { seed, task, actions, checksum } = &self.episodes[agent];
+        let Episode { seed, task, actions, checksum, .. } = &self.episodes[agent];
         let longest = self.episodes.iter().map(|episode| episode.actions.len()).max();
         let head = [*seed, task.unwrap_or(0), *checksum, actions.len() as u32];
         full.extend(head.map(f64::from));
@@ -350,14 +363,14 @@ impl Environment for Gym {
         full
     }
 
-    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool> {
         let (state, rest) = full_state.split_at(self.spec().state_dim().min(full_state.len()));
         if !self.is_open {
             self.set_state(agent, &as_f32(state).collect::<Vec<_>>());
             return Ok(true);
         }
         let [seed, task, checksum, length, actions @ ..] = rest else {
-            self.pool.warn_of_new_episode("it had failed when the run was saved");
+            self.pool.warn_once(NEW_EPISODES, "it had failed when the run was saved");
             return Ok(false);
         };
         let tasks = self.pool.about.tasks.unwrap_or(0);
@@ -366,6 +379,7 @@ impl Environment for Gym {
             task: Some(*task as u32).filter(|task| (1..=tasks).contains(task)),
             actions: as_f32(&actions[..actions.len().min(*length as usize)]).collect(),
             checksum: *checksum as u32,
+            ..Episode::default()
         };
         let steps = counted((episode.actions.len() / self.spec().action_dim) as u64, "step");
         let why = match self.repeat(agent, &episode) {
@@ -382,7 +396,7 @@ impl Environment for Gym {
             }
             Err(error) => return Err(error),
         };
-        self.pool.warn_of_new_episode(&why);
+        self.pool.warn_once(NEW_EPISODES, &why);
         Ok(false)
     }
 

@@ -8,13 +8,12 @@ use std::sync::{Arc, OnceLock};
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
     Abilities, Change, Drawn, Editable, EnvError, EnvSettings, Environment, Episodes, Evaluated,
-    Explored, Goals, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Spec, Task,
-    TaskSet, WorldKind, WorldScene,
+    Explored, Goals, GroundTruth, MazeScene, Probes, Recorded, Region, Restart, Spec,
+    StraightAction, Task, TaskSet, WorldKind, WorldScene,
 };
 use crate::map::{
     Cell, Components, Diameter, Grid, MapScale, Ogbench, ScenarioTask, fingerprint, parse_map,
@@ -24,7 +23,6 @@ use crate::store::{Store, StoreError};
 use crate::text::{counted, safe_file_name};
 pub use probe_grid::ProbeGrid;
 
-/// Registry entry of the maze.
 pub const KIND: WorldKind = WorldKind {
     name: NAME,
     about: "a point on a grid map that slides along walls",
@@ -110,18 +108,15 @@ impl PointMaze {
         }
     }
 
-    /// Downcasts `world`; returns `None` if it is not a maze.
     pub fn downcast_ref(world: &dyn Environment) -> Option<&Self> {
         (world as &dyn Any).downcast_ref()
     }
 
-    /// Returns the maze with other settings.
     #[must_use]
     pub fn with_settings(self, settings: EnvSettings) -> Self {
         Self { settings, ..self }
     }
 
-    /// Downcasts `world` mutably, like [`Self::downcast_ref`].
     pub fn downcast_mut(world: &mut dyn Environment) -> Option<&mut Self> {
         (world as &mut dyn Any).downcast_mut()
     }
@@ -146,17 +141,14 @@ impl PointMaze {
         Self { settings: self.settings, scenario, ..Self::new(map, 0) }
     }
 
-    /// Returns the map's columns and rows.
     fn size(&self) -> (usize, usize) {
         (self.map.width(), self.map.height())
     }
 
-    /// Returns the benchmark that the map is of, if any.
     fn benchmark(&self) -> Option<Ogbench> {
         self.map.scale().benchmark
     }
 
-    /// Returns the map that the agents move on.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
     }
@@ -197,7 +189,6 @@ impl PointMaze {
         Ok(Self::new(Arc::new(map.with_scale(scale)), 0))
     }
 
-    /// Returns the component of the cell that `agent` is in.
     fn component_at(&self, agent: usize) -> Option<u32> {
         let cell =
             Cell::new(self.positions[2 * agent] as usize, self.positions[2 * agent + 1] as usize);
@@ -231,7 +222,6 @@ fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
     [x, y]
 }
 
-/// Converts a position to a full state.
 fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
@@ -271,15 +261,9 @@ impl Environment for PointMaze {
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) -> Result<(), EnvError> {
-        let (noise, benchmark) = (self.settings.noise, self.benchmark());
+        let (settings, benchmark) = (self.settings, self.benchmark());
         for (position, action) in self.positions.chunks_exact_mut(2).zip(actions.chunks_exact(2)) {
-            let mut a = [action[0].clamp(-1.0, 1.0), action[1].clamp(-1.0, 1.0)];
-            if noise > 0.0 {
-                for component in &mut a {
-                    let sample: f32 = StandardNormal.sample(rng);
-                    *component = (*component + noise * sample).clamp(-1.0, 1.0);
-                }
-            }
+            let a = [action[0], action[1]].map(|component| settings.noisy(component, rng));
             let here = [position[0], position[1]];
             let begin = benchmark.map_or(here, |benchmark| benchmark.begin_step(here, rng));
             position.copy_from_slice(&slide(&self.map, begin, a));
@@ -424,11 +408,12 @@ impl Evaluated for PointMaze {
         )))
     }
 
-    fn straight_action(&self, state: &[f32], goal: &[f32], action: &mut [f32]) -> bool {
-        let way = [goal[0] - state[0], goal[1] - state[1]];
-        let longer = way[0].abs().max(way[1].abs()).max(1.0);
-        action.copy_from_slice(&way.map(|along| along / longer));
-        true
+    fn straight_action(&self) -> Option<StraightAction> {
+        Some(|state, goal, action| {
+            let way = [goal[0] - state[0], goal[1] - state[1]];
+            let longer = way[0].abs().max(way[1].abs()).max(1.0);
+            action.copy_from_slice(&way.map(|along| along / longer));
+        })
     }
 }
 
@@ -455,10 +440,15 @@ impl Explored for PointMaze {
 
 impl Editable for PointMaze {
     fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError> {
-        let other = EnvError::KindMismatch { run: before.kind(), other: NAME };
-        let before = Self::downcast_ref(before).ok_or(other)?;
-        if self.size() != before.size() {
-            return Err(EnvError::SizeMismatch { map: self.size(), run: before.size() });
+        let kind = before.kind();
+        let other = || EnvError::Unfit(format!("the run uses a world of kind {kind}, not {NAME}"));
+        let before = Self::downcast_ref(before).ok_or_else(other)?;
+        let [own, of_run] =
+            [self, before].map(|maze| format!("{} x {}", maze.size().0, maze.size().1));
+        if own != of_run {
+            return Err(EnvError::Unfit(format!(
+                "the map is {own}, but the run's map is {of_run}"
+            )));
         }
         let cells = || self.map.free().iter().zip(before.map.free());
         let changed = |to: bool| cells().filter(|(new, old)| new != old && **new == to).count();

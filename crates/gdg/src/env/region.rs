@@ -31,7 +31,6 @@ impl Cuboid {
 }
 
 impl Region {
-    /// Returns a region without any place.
     pub fn nothing() -> Self {
         Self { boxes: Vec::new() }
     }

@@ -4,13 +4,12 @@ use rand_chacha::ChaCha8Rng;
 
 use super::{EnvError, Environment};
 
-/// An evaluation task: reach a goal from a start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Task {
     /// Full state in which the agent starts, if the world can set it, or what else the world itself
     /// takes for one; otherwise, it restarts.
     pub start: Vec<f64>,
-    /// The goal, `(goal_dim)`.
+    /// `(goal_dim)`.
     pub goal: Vec<f32>,
     /// Length of the shortest path in steps, if known.
     pub shortest: Option<u32>,
@@ -18,7 +17,6 @@ pub struct Task {
     pub group: usize,
 }
 
-/// Minimum step budget of a task.
 pub(crate) const MIN_BUDGET_STEPS: u32 = 500;
 
 /// Step budget of a task, as a multiple of its shortest path.
@@ -35,10 +33,8 @@ impl Task {
     }
 }
 
-/// What the distances of a [`TaskSet`] measure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DistanceUnit {
-    /// The shortest path, in steps.
     #[default]
     Steps,
     /// The straight line from start to goal, in centimetres.
@@ -55,14 +51,11 @@ impl DistanceUnit {
     }
 }
 
-/// Tasks grouped by distance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TaskSet {
-    /// Unit of the distances.
     pub unit: DistanceUnit,
     /// Representative distance of each group, if known.
     pub distances: Vec<Option<f64>>,
-    /// The tasks, group by group.
     pub tasks: Vec<Task>,
 }
 
@@ -88,7 +81,6 @@ impl TaskSet {
 /// Pairs within this many steps count as near.
 pub const NEAR_STEPS: u32 = 10;
 
-/// True distances of a world.
 pub trait GroundTruth {
     /// Returns the fewest steps from the place `from` until each of `goals` counts as reached (see
     /// [`Spec::reached`](super::Spec::reached)), all `(goal_dim)`; `None` for a goal that is
@@ -102,7 +94,7 @@ pub trait GroundTruth {
 /// States and their true distances to one goal.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TruePairs {
-    /// The goal, `(goal_dim)`.
+    /// `(goal_dim)`.
     pub goal: Vec<f32>,
     /// `(pairs, state_dim)`.
     pub states: Vec<f32>,

@@ -40,6 +40,8 @@ pub struct CheckpointError {
     pub help: String,
 }
 
+type Result<T, E = CheckpointError> = std::result::Result<T, E>;
+
 #[derive(Clone, Debug)]
 pub struct RunDescription {
     pub file: PathBuf,
@@ -63,18 +65,18 @@ const CHECKPOINT: Wanted = Wanted {
 };
 
 /// Reads a checkpoint's summary without its state.
-pub fn describe(path: &Path) -> Result<RunDescription, CheckpointError> {
+pub fn describe(path: &Path) -> Result<RunDescription> {
     described(path).map(|(found, _)| found)
 }
 
 /// Reads a checkpoint's summary and history without its state or its world.
-pub fn read_history(path: &Path) -> Result<(RunDescription, History), CheckpointError> {
+pub fn read_history(path: &Path) -> Result<(RunDescription, History)> {
     let (found, texts) = described(path)?;
     let history = parsed(&texts, HISTORY).map_err(|e| unreadable(path, &e.to_string()))?;
     Ok((found, history))
 }
 
-fn described(path: &Path) -> Result<(RunDescription, Texts), CheckpointError> {
+fn described(path: &Path) -> Result<(RunDescription, Texts)> {
     let (start, facts) =
         read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let read = || {
@@ -200,7 +202,7 @@ pub fn remove_own(path: &Path) {
 }
 
 /// Writes a checkpoint and returns its path. A crash leaves either the old or the new file.
-pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
+pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf> {
     let failed = |problem: String| CheckpointError {
         file: to.path().to_owned(),
         problem: format!("not saved: {problem}"),
@@ -271,11 +273,7 @@ fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
 
 const LOAD_STAGES: usize = 3;
 
-pub fn load(
-    path: &Path,
-    registry: &Arc<Registry>,
-    threads: impl Into<Threads>,
-) -> Result<Trainer, CheckpointError> {
+pub fn load(path: &Path, registry: &Arc<Registry>, threads: impl Into<Threads>) -> Result<Trainer> {
     load_with(path, registry, threads, &Job::default())
 }
 
@@ -285,19 +283,19 @@ pub fn load_with(
     registry: &Arc<Registry>,
     threads: impl Into<Threads>,
     progress: &Job,
-) -> Result<Trainer, CheckpointError> {
+) -> Result<Trainer> {
     progress.begin(0, LOAD_STAGES);
     let facts = FileFacts::of(path);
     let threads = threads.into();
     let bytes = files::read(path, most_bytes())
         .map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
-    progress.begin(1, LOAD_STAGES);
-    let saved = read_saved(&bytes);
-    progress.begin(2, LOAD_STAGES);
-    match saved
-        .map_err(Into::into)
-        .and_then(|saved| Trainer::load(saved, registry, threads, progress))
-    {
+    let parse = || {
+        progress.begin(1, LOAD_STAGES);
+        let saved = read_saved(&bytes)?;
+        progress.begin(2, LOAD_STAGES);
+        Trainer::load(saved, registry, threads, progress)
+    };
+    match parse() {
         Ok(trainer) => {
             remember(path, facts, &bytes);
             Ok(trainer)

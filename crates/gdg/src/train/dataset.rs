@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use candle_core::npy::NpzTensors;
@@ -17,6 +18,8 @@ use crate::files::{self, FileFacts, FileFormat, Wanted};
 use crate::job::Job;
 use crate::learn::{Replay, ReplaySizes};
 use crate::store::StoreError;
+
+type Result<T, E = DataError> = std::result::Result<T, E>;
 
 const STATES: &str = "observations";
 const ACTIONS: &str = "actions";
@@ -47,9 +50,6 @@ const CHUNK: u64 = 1 << 20;
 /// How far actions may lie beyond [-1, 1], by rounding.
 const ACTION_TOLERANCE: f32 = 1e-3;
 
-/// A step leads far whose square is this multiple of that of nearly all others.
-const FAR: f32 = 4.0;
-
 /// Where a run's data comes from. A checkpoint keeps this, and no copy of the data.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DataSource {
@@ -72,7 +72,7 @@ pub struct Dataset {
     /// The row after each episode's last one.
     ends: Vec<usize>,
     /// Whether no row ends an episode, so that all are taken for one.
-    pub is_endless: bool,
+    pub(super) is_endless: bool,
 }
 
 impl Dataset {
@@ -81,7 +81,7 @@ impl Dataset {
     /// last row of each episode. The action of a row leads to the next one, or to that of
     /// `next_observations`, if they are there. States are in the unit of the world's records. Says
     /// how far it is, as one stage of `progress`.
-    pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self, DataError> {
+    pub fn read(file: &Path, world: &dyn Environment, progress: &Job) -> Result<Self> {
         let checked = checksum(file, 2, progress)?;
         Self::read_checked(file, checked, world, progress)
     }
@@ -92,7 +92,7 @@ impl Dataset {
         (checksum, facts): (u32, Option<FileFacts>),
         world: &dyn Environment,
         progress: &Job,
-    ) -> Result<Self, DataError> {
+    ) -> Result<Self> {
         let sizes = ReplaySizes::of(world.spec());
         let read = || -> Result<Self, String> {
             let arrays = Arrays::open(file, facts)?;
@@ -106,12 +106,6 @@ impl Dataset {
             let mut is_last = arrays.ends(rows)?;
             let next = arrays.has(NEXT).then(|| arrays.numbers(NEXT, &[rows, sizes.state]));
             let mut next = next.transpose()?;
-            // Then hardly any would be the state of the next row.
-            if next.is_some() && arrays.is_half(STATES) != arrays.is_half(NEXT) {
-                return Err(format!(
-                    "{NEXT} and {STATES} differ in precision: save both as float32"
-                ));
-            }
             // Written over or replaced, it may have parts of two files, or another checksum.
             if FileFacts::of(file) != facts {
                 return Err(CHANGED.to_owned());
@@ -150,7 +144,7 @@ impl Dataset {
 
     /// Checks that a file can be read and has the arrays, without a world and without its numbers;
     /// returns its CRC-32. Says how far it is, as one stage of `progress`.
-    pub fn check_file(file: &Path, progress: &Job) -> Result<u32, DataError> {
+    pub fn check_file(file: &Path, progress: &Job) -> Result<u32> {
         let (checksum, facts) = checksum(file, 1, progress)?;
         Arrays::open(file, facts).map_err(|problem| unfit(file, problem))?;
         Ok(checksum)
@@ -162,7 +156,7 @@ impl Dataset {
         moved: Option<&Path>,
         world: &dyn Environment,
         progress: &Job,
-    ) -> Result<Self, DataError> {
+    ) -> Result<Self> {
         let file = moved.unwrap_or(&source.file);
         let checked = checksum(file, 2, progress)?;
         if checked.0 != source.checksum {
@@ -187,40 +181,27 @@ impl Dataset {
         &self.states
     }
 
+    /// Returns the rows of each episode.
+    fn episodes(&self) -> impl Iterator<Item = Range<usize>> {
+        let starts = std::iter::once(0).chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, end)| start..*end)
+    }
+
     /// Returns the states of each episode, `(steps, state_dim)`.
     pub(super) fn walks(&self) -> impl Iterator<Item = &[f32]> {
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
         let width = self.sizes.state;
-        starts.zip(&self.ends).map(move |(start, end)| &self.states[start * width..end * width])
+        self.episodes().map(move |rows| &self.states[rows.start * width..rows.end * width])
     }
 
-    /// Returns at most `most` steps, evenly spread.
-    pub fn steps(&self, most: usize) -> Vec<RecordedStep<'_>> {
+    /// Returns at most `most` steps, evenly spread, each with the number of its episode.
+    pub(super) fn steps(&self, most: usize) -> Vec<(usize, RecordedStep<'_>)> {
         let (every, width) = (self.source.transitions.div_ceil(most), self.sizes.action);
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        let rows = starts.zip(&self.ends).flat_map(|(start, end)| start..end - 1).step_by(every);
+        let rows = (1..)
+            .zip(self.episodes())
+            .flat_map(|(episode, rows)| (rows.start..rows.end - 1).map(move |row| (episode, row)));
         let action = |row: usize| &self.actions[row * width..(row + 1) * width];
-        rows.map(|row| [self.state(row), action(row), self.state(row + 1)]).collect()
-    }
-
-    /// Whether the first or the last steps of most episodes lead farther than hardly any other: from one
-    /// episode to the next.
-    pub fn ends_are_off(&self) -> bool {
-        let width = self.sizes.state;
-        let (mut edges, mut inner) = ([Vec::new(), Vec::new()], Vec::new());
-        for walk in self.walks() {
-            let pairs = walk.chunks_exact(width).zip(walk.chunks_exact(width).skip(1));
-            let change = |(a, b): (&f32, &f32)| (a - b) * (a - b);
-            let lengths = pairs.map(|(from, to)| from.iter().zip(to).map(change).sum::<f32>());
-            if let [first, others @ .., last] = &lengths.collect::<Vec<_>>()[..] {
-                edges.iter_mut().zip([first, last]).for_each(|(edge, length)| edge.push(*length));
-                inner.extend(others);
-            }
-        }
-        inner.sort_by(f32::total_cmp);
-        let Some(usual) = inner.get(inner.len() * 99 / 100) else { return false };
-        let is_far = |length: &&f32| **length > FAR * usual;
-        edges.iter().any(|edge| 2 * edge.iter().filter(is_far).count() > edge.len())
+        let step = |row: usize| [self.state(row), action(row), self.state(row + 1)];
+        rows.step_by(every).map(|(episode, row)| (episode, step(row))).collect()
     }
 
     pub fn state(&self, row: usize) -> &[f32] {
@@ -233,13 +214,11 @@ impl Dataset {
         // Each next episode goes to the agent with the fewest rows, as batches draw agents evenly:
         // none may have far more than the others, so longer ones are cut.
         let (mut filled, longest) = (vec![0; agents], self.rows().div_ceil(agents).max(2));
-        let starts = std::iter::once(0).chain(self.ends.iter().copied());
-        let parts = starts.zip(&self.ends).flat_map(|(start, end)| {
+        let parts = self.episodes().flat_map(|Range { start, end }| {
             // A part ends in the state that the next one begins with.
             let step = longest - 1;
-            (start..(end - 1).max(start + 1))
-                .step_by(step)
-                .map(move |at| at..(at + step + 1).min(*end))
+            let firsts = (start..(end - 1).max(start + 1)).step_by(step);
+            firsts.map(move |at| at..(at + step + 1).min(end))
         });
         let episodes: Vec<_> = parts
             .map(|rows| {
@@ -296,11 +275,7 @@ pub fn data_file(
 }
 
 /// Returns a file's CRC-32 and its facts before it was read, as the first part of the progress.
-fn checksum(
-    path: &Path,
-    parts: usize,
-    progress: &Job,
-) -> Result<(u32, Option<FileFacts>), DataError> {
+fn checksum(path: &Path, parts: usize, progress: &Job) -> Result<(u32, Option<FileFacts>)> {
     let facts = FileFacts::of(path);
     let all = facts.map_or(0, |facts| facts.bytes as usize);
     let read = || -> io::Result<u32> {
@@ -318,17 +293,11 @@ fn checksum(
     Ok((read().map_err(unread)?, facts))
 }
 
-fn check(
-    name: &str,
-    numbers: &[f32],
-    columns: usize,
-    most: f32,
-    wanted: &str,
-) -> Result<(), String> {
+fn check(name: &str, numbers: &[f32], width: usize, most: f32, wanted: &str) -> Result<(), String> {
     match numbers.iter().position(|v| v.is_nan() || v.abs() > most) {
         None => Ok(()),
         Some(i) => {
-            let (row, column, value) = (i / columns, i % columns, numbers[i]);
+            let (row, column, value) = (i / width, i % width, numbers[i]);
             Err(format!("{name}[{row}, {column}] is {value}: it must be {wanted}"))
         }
     }
@@ -448,10 +417,6 @@ impl<'a> Arrays<'a> {
             Ok(_) => Err(CHANGED.to_owned()),
             Err(error) => Err(unread_array(name, &error)),
         }
-    }
-
-    fn is_half(&self, name: &str) -> bool {
-        matches!(self.file.get_shape_and_dtype(name), Ok((_, DType::F16 | DType::BF16)))
     }
 
     fn ends(&self, rows: usize) -> Result<Vec<bool>, String> {

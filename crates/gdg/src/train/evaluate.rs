@@ -12,12 +12,11 @@ use super::score::{
 use super::settings::RANDOM_HOLD_STEPS;
 use crate::bridge::{BridgeGraph, Candidates, Edge, Guide, LINK_CANDIDATES};
 use crate::env::{
-    EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Spec, Task, TaskSet,
-    TruePairs,
+    EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs,
 };
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-use lockstep::{Actor, run_tasks};
+use lockstep::{Actor, Acts, run_tasks};
 
 pub struct EvaluationJob {
     pub(super) world: Box<dyn Environment>,
@@ -106,28 +105,14 @@ impl EvaluationJob {
 
     fn straight_score(&self, tasks: &TaskSet) -> Result<Option<Score>, EnvError> {
         let (world, mut rng) = (&*self.world, self.rng.clone());
-        let (Some(evaluated), Some(task)) = (world.abilities().evaluated, tasks.tasks.first())
-        else {
-            return Ok(None);
-        };
-        let policy = StraightPolicy { spec: world.spec(), world: evaluated };
-        let mut action = vec![0.0; world.spec().action_dim];
-        let state = vec![0.0; world.spec().state_dim()];
-        if !policy.world.straight_action(&state, &task.goal, &mut action) {
-            return Ok(None);
-        }
+        let straight = world.abilities().evaluated.and_then(Evaluated::straight_action);
+        let Some(action) = straight.filter(|_| !tasks.tasks.is_empty()) else { return Ok(None) };
         // The second half of the evaluation's stream, so that other results do not depend on this
         // one.
         rng.set_word_pos(rng.get_word_pos() + (1 << 33));
-        let actor = Actor {
-            guide: Guide { policy: &policy, graph: None },
-            hold_steps: None,
-            max_steps: self.max_steps,
-        };
-        Ok(Some(Score::new(
-            tasks,
-            &run_tasks(world, &tasks.tasks, &actor, &mut rng, &mut |_, _| true)?.taken,
-        )))
+        let actor = Actor { acts: Acts::Straight(action), ..self.actor(None) };
+        let runs = run_tasks(world, &tasks.tasks, &actor, &mut rng, &mut |_, _| true)?;
+        Ok(Some(Score::new(tasks, &runs.taken)))
     }
 
     /// Builds the graph to plan on, for methods that plan, of which `job` is told how far it is; ends
@@ -164,9 +149,12 @@ impl EvaluationJob {
     }
 
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
-        let hold_steps = (self.acting == Acting::AtRandom).then_some(RANDOM_HOLD_STEPS);
+        let acts = match self.acting {
+            Acting::AtRandom => Acts::AtRandom(RANDOM_HOLD_STEPS),
+            Acting::Policy => Acts::ByPolicy,
+        };
         let guide = Guide { policy: &*self.policy, graph };
-        Actor { guide, hold_steps, max_steps: self.max_steps }
+        Actor { guide, acts, max_steps: self.max_steps }
     }
 }
 
@@ -178,29 +166,6 @@ pub struct TaskWalk {
     /// State at the start and after every step, each `(state_dim)`.
     pub states: Vec<Vec<f32>>,
     pub reached: bool,
-}
-
-struct StraightPolicy<'a> {
-    spec: &'a Spec,
-    world: &'a dyn Evaluated,
-}
-
-impl Policy for StraightPolicy<'_> {
-    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-        let spec = self.spec;
-        let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
-        out.iter_mut()
-            .zip(pairs)
-            .for_each(|(d, (state, goal))| *d = spec.goal_distance(state, goal));
-    }
-
-    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
-        let spec = self.spec;
-        let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
-        for (action, (state, goal)) in out.chunks_exact_mut(spec.action_dim).zip(pairs) {
-            self.world.straight_action(state, goal, action);
-        }
-    }
 }
 
 fn marked_task(
@@ -244,13 +209,8 @@ fn distance_error(
     for TruePairs { goal, states, .. } in groups {
         if let Some(graph) = graph {
             let route = graph.route(goal, policy, &mut scratch);
-            composed.extend(graph.composed_distances(
-                states,
-                &route,
-                LINK_CANDIDATES,
-                policy,
-                &mut scratch,
-            ));
+            let (links, scratch) = (LINK_CANDIDATES, &mut scratch);
+            composed.extend(graph.composed_distances(states, &route, links, policy, scratch));
         }
     }
     let truth: Vec<f64> =
@@ -261,25 +221,17 @@ fn distance_error(
     let mut learned = vec![0.0; truth.len()];
     policy.distances(&states, &goals, &mut learned, &mut scratch);
     let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
-    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
     // Relative errors of `distances`: over pairs drawn at random, and over pairs within
     // `NEAR_STEPS`.
     let errors = |distances: &[f32]| {
-        let pairs = distances
-            .iter()
-            .zip(&truth)
-            .zip(&near)
-            .map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
-        let pairs: Vec<_> = pairs.collect();
-        let all =
-            |of: fn(f64) -> f64| mean(pairs.iter().filter(|p| !p.2).map(|p| of(p.0)).collect());
-        ComposedError {
-            mape: all(f64::abs),
-            near_mape: mean(
-                pairs.iter().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect(),
-            ),
-            bias: all(|e| e),
-        }
+        let mean = |counts: &dyn Fn(usize) -> bool, of: fn(f64) -> f64| {
+            let error = |i: usize| of((f64::from(distances[i]) - truth[i]) / truth[i]);
+            let errors: Vec<f64> = (0..truth.len()).filter(|i| counts(*i)).map(error).collect();
+            errors.iter().sum::<f64>() / errors.len().max(1) as f64
+        };
+        let (drawn, close) = (|i: usize| !near[i], |i: usize| truth[i] <= f64::from(NEAR_STEPS));
+        let (mape, near_mape) = (mean(&drawn, f64::abs), mean(&close, f64::abs));
+        ComposedError { mape, near_mape, bias: mean(&drawn, |error| error) }
     };
     let kept: Vec<usize> = (0..near.len()).filter(|i| !near[*i]).collect();
     let (drawn, true_steps): (Vec<f64>, Vec<f64>) =

@@ -89,8 +89,7 @@ impl Film {
     /// the agents of `world`.
     pub fn add(
         &mut self,
-        updates: u64,
-        env_steps: u64,
+        at: [u64; 2],
         world: &dyn Environment,
         points: &Probes,
         distances: &[f32],
@@ -98,7 +97,7 @@ impl Film {
         let spec = world.spec();
         let states = world.states().chunks_exact(spec.state_dim()).take(MAX_FILM_AGENTS);
         let agents = states.flat_map(|state| spec.achieved(state)).collect();
-        self.push(frame(updates, env_steps, points, distances, agents));
+        self.push(frame(at, points, distances, agents));
     }
 
     fn push(&mut self, frame: FilmFrame) {
@@ -142,13 +141,8 @@ impl Film {
     }
 }
 
-fn frame(
-    updates: u64,
-    env_steps: u64,
-    points: &Probes,
-    distances: &[f32],
-    agents: Vec<f32>,
-) -> FilmFrame {
+fn frame(at: [u64; 2], points: &Probes, distances: &[f32], agents: Vec<f32>) -> FilmFrame {
+    let [updates, env_steps] = at;
     let known = |distance: &f32| distance.is_finite() && *distance >= 0.0;
     let farthest = distances.iter().copied().filter(known).fold(0.0, f32::max);
     let scale = farthest / f32::from(UNKNOWN - 1);
@@ -186,7 +180,7 @@ mod tests {
         for updates in std::iter::once(1).chain((SPACING..=last).step_by(SPACING as usize)) {
             if film.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
-                film.push(frame(updates, 7 * updates, &points(), &distances, vec![0.5, 1.5]));
+                film.push(frame([updates, 7 * updates], &points(), &distances, vec![0.5, 1.5]));
             }
         }
         film
@@ -216,16 +210,16 @@ mod tests {
 
     #[test]
     fn distances_are_kept_to_a_fraction_of_the_farthest() {
-        let frame = frame(1, 2, &points(), &[0.0, 33.3, 120.0], Vec::new());
+        let frame = frame([1, 2], &points(), &[0.0, 33.3, 120.0], Vec::new());
         let found: Vec<f32> = (0..5).map(|place| frame.distance(place)).collect();
         assert!(found[1].is_nan() && found[4].is_nan(), "{found:?}");
         for (found, expected) in [(found[0], 0.0), (found[2], 33.3), (found[3], 120.0)] {
             assert!((found - expected).abs() < 0.002, "{found} instead of {expected}");
         }
         assert!((frame.farthest() - 120.0).abs() < 0.002);
-        let unknown = super::frame(1, 2, &points(), &[f32::NAN, f32::INFINITY, -1.0], Vec::new());
+        let unknown = super::frame([1, 2], &points(), &[f32::NAN, f32::INFINITY, -1.0], Vec::new());
         assert!((0..4).all(|place| unknown.distance(place).is_nan()) && unknown.farthest() == 1.0);
-        let zero = super::frame(1, 2, &points(), &[0.0; 3], Vec::new());
+        let zero = super::frame([1, 2], &points(), &[0.0; 3], Vec::new());
         assert_eq!((zero.distance(0), zero.farthest()), (0.0, 1.0));
     }
 }

@@ -250,34 +250,3 @@ mod linux {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::env::PointMaze;
-    use crate::map::builtin;
-    use crate::train::{Method, Preset, Settings};
-
-    #[test]
-    fn the_default_fits_into_memory_and_oversized_settings_do_not() {
-        let world = PointMaze::new(builtin("fourrooms").expect("built in").into(), 0);
-        let registry = Registry::builtin();
-        let parameters = registry.learner("gdg").expect("built in").parameters;
-        let run = |change: fn(&mut Settings)| {
-            let mut settings = Preset::Default.settings();
-            change(&mut settings);
-            Run { method: Method::default(), preset: Preset::Default, seed: 0, settings }
-        };
-        let bytes = |change: fn(&mut Settings)| {
-            let run = run(change);
-            required_bytes(&run, &world, parameters(world.spec(), &run.settings.learn))
-        };
-        let default = bytes(|_| {});
-        assert!((50_000_000..400_000_000).contains(&default), "{default}");
-        assert!(bytes(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)) > 15_000_000_000);
-        assert!(bytes(|s| s.bridge.candidates = 5_000) < 1_000_000_000);
-        assert!(bytes(|s| s.learn.buffer_size = 100_000_000) > 5_000_000_000);
-        let error = check(&run(|s| s.learn.buffer_size = 100_000_000_000), &world, &registry);
-        assert!(error.expect_err("no machine has that much").to_string().contains("GB of memory"));
-    }
-}

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use candle_core::{Device, Tensor, WithDType};
 use serde_json::{Value, json};
 
-use super::TrainError;
+use super::Result;
 use super::trainer::Trainer;
 use crate::bridge::{BridgeGraph, Edge};
 use crate::env::Recorded;
@@ -37,11 +37,7 @@ fn arrays_of(tensors: &[NamedTensor]) -> candle_core::Result<PolicyArrays> {
 /// If `with_plans`, it also has what planned evaluations use: critics and model (see
 /// [`crate::learn::CriticsExport`]), the bridge candidates with the paths observed between them, and
 /// the edges of their graph; says how far that is, as one stage of `progress`.
-pub fn policy_file(
-    trainer: &Trainer,
-    with_plans: bool,
-    progress: &Job,
-) -> Result<Vec<u8>, TrainError> {
+pub fn policy_file(trainer: &Trainer, with_plans: bool, progress: &Job) -> Result<Vec<u8>> {
     let run = trainer.run();
     let export = trainer.learner().export_actor(run.settings.bridge.averaged_weights)?;
     let export = export.ok_or_else(|| not_exported(trainer, "the actor"))?;
@@ -73,7 +69,7 @@ fn not_exported(trainer: &Trainer, what: &str) -> LearnError {
     LearnError::Other(format!("{what} of the learner {kind} cannot be exported yet").into())
 }
 
-fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, PolicyArrays), TrainError> {
+fn plans(trainer: &Trainer, progress: &Job) -> Result<(Value, PolicyArrays)> {
     let method = &trainer.run().method;
     let Some(graph) = trainer.evaluation()?.graph(progress) else {
         let problem = format!("the method {method} does not plan: there are no plans to export");

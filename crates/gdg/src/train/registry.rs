@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::TrainError;
+use super::{Result, TrainError};
 use crate::bridge::Planner;
 use crate::env::{EnvError, Environment, GymOptions, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
@@ -118,7 +118,7 @@ impl Registry {
         &self.learners
     }
 
-    pub fn learner(&self, name: &str) -> Result<&LearnerKind, TrainError> {
+    pub fn learner(&self, name: &str) -> Result<&LearnerKind> {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
             let known = method_names(self.learners.iter().map(|kind| kind.name));
@@ -136,11 +136,7 @@ impl Registry {
         }
     }
 
-    pub(crate) fn load_world(
-        &self,
-        name: &str,
-        store: &Store,
-    ) -> Result<Box<dyn Environment>, TrainError> {
+    pub(crate) fn load_world(&self, name: &str, store: &Store) -> Result<Box<dyn Environment>> {
         let missing = || format!("uses the world {name:?}, which this program does not have");
         let kind = self.world(name).ok_or_else(|| StoreError::inconsistent(missing()))?;
         (kind.load)(store, &self.options).map_err(|error| match error {
@@ -170,21 +166,11 @@ pub struct NamedMethod {
 pub const METHODS: [NamedMethod; 8] = [
     named("gdg-bridge", "gdg", Planner::Bridges, "Explores and plans through bridge points"),
     named("gdg", "gdg", Planner::None, "Goal-distance gradient: the actor alone"),
-    named(
-        "gdg-distance",
-        "gdg-distance",
-        Planner::None,
-        "The same, D given: the straight line to the goal",
-    ),
+    named("gdg-distance", "gdg-distance", Planner::None, "The same, D given: the straight line"),
     named("sorb", "gdg", Planner::Sorb, "Search on the replay buffer: unverified edges, one plan"),
     named("ddpg", "ddpg", Planner::None, "Deep deterministic policy gradient, sparse rewards"),
     named("her", "her", Planner::None, "The same with hindsight experience replay"),
-    named(
-        "ddpg-distance",
-        "ddpg-distance",
-        Planner::None,
-        "DDPG rewarded by straight-line distance",
-    ),
+    named("ddpg-distance", "ddpg-distance", Planner::None, "DDPG rewarded by straight lines"),
     named("random", "random", Planner::None, "Random actions without learning: the baseline"),
 ];
 

@@ -19,6 +19,8 @@ use crate::env::{EnvError, EnvSettings, Environment, Goals, MAX_MAGNITUDE, Resta
 use crate::learn::{Acting, Replay, Scratch, phase_time};
 use crate::store::{Store, StoreError};
 
+type Result<T, E = EnvError> = std::result::Result<T, E>;
+
 /// An agent gives up on a goal after this multiple of D to it, plus [`GIVE_UP_SLACK_STEPS`].
 const GIVE_UP_FACTOR: f32 = 3.0;
 
@@ -46,8 +48,8 @@ struct AgentPlan {
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Round {
-    before: Vec<f32>,
-    actions: Vec<f32>,
+    pub before: Vec<f32>,
+    pub actions: Vec<f32>,
     /// Whether the world computes it elsewhere, or when it is asked for the outcome.
     elsewhere: bool,
     /// Set once the agents are where it leads: whose episodes the world has ended.
@@ -63,6 +65,8 @@ pub struct StepContext<'a> {
     pub guide: Guide<'a>,
     pub replay: &'a mut Replay,
     pub candidates: &'a mut Candidates,
+    /// What the round of steps has led to.
+    pub result: RoundResult,
 }
 
 pub struct Rollout {
@@ -90,7 +94,7 @@ pub struct RoundResult {
 }
 
 impl Rollout {
-    pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Result<Self, EnvError> {
+    pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Result<Self> {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
             env.restart(i, &mut rng)?;
@@ -99,7 +103,7 @@ impl Rollout {
             // Without a policy, the distance is unknown: the first step chooses another goal.
             Ok(Agent { goal, after_bridge: None, steps: 0, held: None, give_up_at: 0 })
         });
-        let agents = agents.collect::<Result<Vec<_>, EnvError>>()?;
+        let agents = agents.collect::<Result<Vec<_>>>()?;
         Ok(Self {
             excursions: Excursions::new(env.spec(), agents.len()),
             plans: agents.iter().map(|_| None).collect(),
@@ -141,7 +145,7 @@ impl Rollout {
     /// Chooses an action for every agent and begins a round of steps, which [`Self::finish`] ends.
     /// Returns whether the world computes it elsewhere, or `None` without a step if the actor's
     /// actions are not finite.
-    pub fn begin(&mut self, context: &mut StepContext) -> Result<Option<bool>, EnvError> {
+    pub fn begin(&mut self, context: &mut StepContext) -> Result<Option<bool>> {
         // In this order, a plan that begins as an excursion ends has a waypoint at once.
         self.follow_excursions(context)?;
         self.follow_plans(context);
@@ -182,7 +186,7 @@ impl Rollout {
             self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)).enumerate()
         {
             let (spec, policy) = (self.env.spec(), context.guide.policy);
-            let state = &self.env.states()[i * spec.state_dim()..(i + 1) * spec.state_dim()];
+            let state = self.env.state(i);
             let scratch = &mut self.scratch;
             if self.excursions.act(i, (spec, state), action, policy, rng, scratch) {
                 agent.held = None;
@@ -210,7 +214,7 @@ impl Rollout {
 
     /// Waits for the round of steps begun, if there is one.
     /// Where the world fails, the round is as if it had not begun.
-    pub fn wait(&mut self) -> Result<(), EnvError> {
+    pub fn wait(&mut self) -> Result<()> {
         let begun = self.round.take_if(|round| round.ended.is_none());
         let Some(mut round) = begun else { return Ok(()) };
         if round.elsewhere {
@@ -226,11 +230,10 @@ impl Rollout {
     /// Ends the round of steps begun, and stores its transitions in replay buffer and candidates.
     /// Where the world fails, what is stored holds no transition that has not happened, and the run
     /// can be saved; agents that could not restart are at the ends of their episodes.
-    pub fn finish(&mut self, context: &mut StepContext) -> Result<RoundResult, EnvError> {
+    pub fn finish(&mut self, context: &mut StepContext) -> Result<RoundResult> {
         self.wait()?;
-        let mut result = RoundResult::default();
         let Some(Round { before, actions, ended: Some(ended), .. }) = self.round.take() else {
-            return Ok(result);
+            return Ok(context.result);
         };
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.excursions.count_steps();
@@ -253,45 +256,33 @@ impl Rollout {
         for (i, has_ended) in ended.into_iter().enumerate() {
             self.agents[i].steps = self.agents[i].steps.saturating_add(1);
             let own = if self.agents[i].steps >= context.episode_steps || has_ended {
-                self.end_episode(i, context, &mut result)
+                self.end_episode(i, context)
             } else if self.excursions.is_on(i) {
                 Ok(())
             } else {
-                self.end_pursuit(i, context, &mut result)
+                self.end_pursuit(i, context)
             };
             went_on = went_on.and(own);
         }
-        went_on.map(|()| result)
+        went_on.map(|()| context.result)
     }
 
-    fn end_episode(
-        &mut self,
-        i: usize,
-        context: &mut StepContext,
-        round: &mut RoundResult,
-    ) -> Result<(), EnvError> {
-        let s = self.env.spec().state_dim();
-        let state = &self.env.states()[i * s..(i + 1) * s];
+    fn end_episode(&mut self, i: usize, context: &mut StepContext) -> Result<()> {
+        let state = self.env.state(i);
         context.replay.end_episode(i, state);
         // An agent that stays continues its trajectory.
         if !self.stays(i, context) {
             context.candidates.visit(i, state, state);
             context.candidates.end_episode(i);
         }
-        round.episodes += 1;
+        context.result.episodes += 1;
         self.start_episode(i, context)
     }
 
-    fn end_pursuit(
-        &mut self,
-        i: usize,
-        context: &mut StepContext,
-        round: &mut RoundResult,
-    ) -> Result<(), EnvError> {
-        let s = self.env.spec().state_dim();
+    fn end_pursuit(&mut self, i: usize, context: &mut StepContext) -> Result<()> {
         let agent = &mut self.agents[i];
         let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
-        let reached = self.env.spec().reached(&self.env.states()[i * s..(i + 1) * s], pursued);
+        let reached = self.env.spec().reached(self.env.state(i), pursued);
         if reached && let Some(goal) = agent.after_bridge.take() {
             agent.goal = goal;
             self.plans[i] = None;
@@ -299,10 +290,10 @@ impl Rollout {
         } else if context.settings.train.new_goal_when_reached
             && (reached || agent.steps >= agent.give_up_at)
         {
-            round.reached += u64::from(reached);
+            context.result.reached += u64::from(reached);
             // There is no other goal.
             if context.settings.train.goals == Goals::Map {
-                return self.end_episode(i, context, round);
+                return self.end_episode(i, context);
             }
             self.choose_goal(i, context)?;
         }
@@ -325,7 +316,7 @@ impl Rollout {
         &mut self,
         env: Box<dyn Environment>,
         replay: &mut Replay,
-    ) -> Result<(), EnvError> {
+    ) -> Result<()> {
         self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
         self.aside = None;
@@ -364,10 +355,9 @@ impl Rollout {
         let guide = context.guide;
         let Some(graph) = guide.graph else { return };
         let began = phase_time();
-        let s = self.env.spec().state_dim();
         for (i, plan) in self.plans.iter_mut().enumerate() {
             let Some(plan) = plan else { continue };
-            let (state, before) = (&self.env.states()[i * s..(i + 1) * s], plan.walker.target());
+            let (state, before) = (self.env.state(i), plan.walker.target());
             let aim = guide.aim(Some(&mut plan.walker), state, &plan.goal, &mut self.scratch);
             self.agents[i].goal.copy_from_slice(aim);
             if let Some(Hop { from, to, distance, arrived }) = plan.walker.finished_hop()
@@ -384,14 +374,13 @@ impl Rollout {
         self.planning += phase_time().saturating_sub(began);
     }
 
-    fn follow_excursions(&mut self, context: &StepContext) -> Result<(), EnvError> {
+    fn follow_excursions(&mut self, context: &StepContext) -> Result<()> {
         if !context.bridges {
             return Ok(());
         }
-        let s = self.env.spec().state_dim();
         for i in 0..self.agents.len() {
             let was_on = self.excursions.is_on(i);
-            self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
+            self.excursions.arrive(i, self.env.state(i));
             if was_on && !self.excursions.is_on(i) {
                 self.choose_goal(i, context)?;
             }
@@ -479,10 +468,7 @@ impl Rollout {
 
     /// Puts the agents back into their full states; returns whether that could be done. Otherwise all
     /// have to begin episodes: what has failed may have been the process of several.
-    fn put_back(
-        &mut self,
-        full_states: impl Iterator<Item = impl AsRef<[f64]>>,
-    ) -> Result<bool, EnvError> {
+    fn put_back(&mut self, full_states: impl Iterator<Item = impl AsRef<[f64]>>) -> Result<bool> {
         for (i, full_state) in full_states.enumerate() {
             if !self.env.set_full_state(i, full_state.as_ref())? {
                 return Ok(false);
@@ -507,7 +493,7 @@ impl Rollout {
 
     /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge
     /// point is the first goal (Algorithm 1).
-    fn start_episode(&mut self, i: usize, context: &StepContext) -> Result<(), EnvError> {
+    fn start_episode(&mut self, i: usize, context: &StepContext) -> Result<()> {
         let restarted =
             if self.stays(i, context) { Ok(()) } else { self.env.restart(i, &mut self.rng) };
         // Even without a start, the episode that has ended in the replay is over.
@@ -531,7 +517,7 @@ impl Rollout {
 
     /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion
     /// beyond the frontier, or follows a plan through the bridge graph.
-    fn choose_goal(&mut self, i: usize, context: &StepContext) -> Result<(), EnvError> {
+    fn choose_goal(&mut self, i: usize, context: &StepContext) -> Result<()> {
         let agent = &mut self.agents[i];
         agent.after_bridge = None;
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
@@ -559,7 +545,7 @@ impl Rollout {
 
     /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from
     /// its own place ends, if the world can put another agent there.
-    fn choose_near_goal(&mut self, i: usize, longest: u32) -> Result<(), EnvError> {
+    fn choose_near_goal(&mut self, i: usize, longest: u32) -> Result<()> {
         let aside = match &mut self.aside {
             Some(world) => world,
             none => {
@@ -581,19 +567,17 @@ impl Rollout {
     }
 
     fn set_deadline(&mut self, i: usize, context: &StepContext) {
-        let s = self.env.spec().state_dim();
         let agent = &mut self.agents[i];
-        let state = &self.env.states()[i * s..(i + 1) * s];
+        let state = self.env.state(i);
         let distance = context.guide.policy.distance(state, &agent.goal, &mut self.scratch);
         let steps = GIVE_UP_FACTOR * distance + GIVE_UP_SLACK_STEPS;
         agent.give_up_at = agent.steps.saturating_add(steps as u32);
     }
 
     fn search_bridge(&mut self, i: usize, context: &StepContext) -> Option<Vec<f32>> {
-        let s = self.env.spec().state_dim();
         let (candidates, goal) = (&*context.candidates, &self.agents[i].goal);
         let outcome = search(
-            &self.env.states()[i * s..(i + 1) * s],
+            self.env.state(i),
             goal,
             SearchSpace { states: candidates.states(), goals: candidates.points() },
             SEARCH_BUDGET,

@@ -83,15 +83,10 @@ impl Counters {
     const MAX_COUNT: u64 = 1 << 53;
 
     pub(super) fn check(&self) -> Result<(), StoreError> {
-        let counts = [
-            self.updates,
-            self.env_steps,
-            self.episodes,
-            self.goals_reached,
-            self.owed_steps,
-            self.deferred_steps,
-        ];
-        let sound = counts.iter().all(|n| *n < Self::MAX_COUNT)
+        let Self { updates, env_steps, episodes, goals_reached, .. } = *self;
+        let owed = [self.owed_steps, self.deferred_steps];
+        let counts = [updates, env_steps, episodes, goals_reached];
+        let sound = counts.iter().chain(&owed).all(|n| *n < Self::MAX_COUNT)
             && self.losses.iter().all(|loss| loss.is_finite());
         StoreError::unless(sound, "the stored counters are out of range")
     }

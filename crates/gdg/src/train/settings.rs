@@ -217,10 +217,8 @@ fn demand(holds: bool, setting: &str) -> Result<(), OutOfRange> {
 mod tests {
     //! Every setting does what its entry says.
 
-    use serde_json::json;
-
     use super::*;
-    use crate::settings::{Excluded, ValueKind};
+    use crate::settings::ValueKind;
     use crate::train::with_setting;
 
     fn with(setting: &Setting, value: Value) -> Option<Settings> {
@@ -247,23 +245,16 @@ mod tests {
             }
             ValueKind::Count { from, to } => {
                 let beyond = [from.checked_sub(1), to.checked_add(1)].into_iter().flatten();
-                let fraction = json!(from as f64 + 0.5);
-                [vec![from.into(), to.into()], beyond.map(Value::from).chain([fraction]).collect()]
+                [vec![from.into(), to.into()], beyond.map(Value::from).collect()]
             }
-            ValueKind::Number { from, to, excluded, .. } => {
-                let lower = matches!(excluded, Excluded::Lower | Excluded::Both);
-                let upper = matches!(excluded, Excluded::Upper | Excluded::Both);
-                let from = if lower { [from.next_up(), from] } else { [from, from.next_down()] };
-                let to = if upper { [to.next_down(), to] } else { [to, to.next_up()] };
-                [0, 1].map(|k| vec![number(from[k]), number(to[k])])
+            ValueKind::Number { from, to, .. } => {
+                let within = [from.next_up(), to.next_down()].map(number);
+                [within.into(), [from.next_down(), to.next_up()].map(number).into()]
             }
             ValueKind::Numbers { max_len, from, to } => {
                 let list = |value: f32, len: usize| Value::from(vec![number(value); len]);
-                let beyond = [from.next_down(), to.next_up()].map(|value| list(value, 1));
-                [
-                    vec![list(from, max_len), list(to, 1), list(1.0, 0)],
-                    [&beyond[..], &[list(1.0, max_len + 1)]].concat(),
-                ]
+                let beyond = [list(from.next_down(), 1), list(to.next_up(), 1)];
+                [vec![list(from, max_len), list(to, 1), list(1.0, 0)], beyond.into()]
             }
         }
     }

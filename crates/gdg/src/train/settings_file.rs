@@ -38,6 +38,8 @@ pub struct ConfigError {
     pub excerpt: Option<Excerpt>,
 }
 
+type Result<T, E = Box<ConfigError>> = std::result::Result<T, E>;
+
 const MAX_QUOTED_CHARS: usize = 120;
 
 const MAX_BYTES: u64 = 64 << 20;
@@ -65,7 +67,7 @@ impl ConfigError {
 
 /// Returns the settings of `preset` with `overrides` applied: first the world's defaults, if the
 /// preset adapts to the world, then the file, then the individual values.
-pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
+pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings> {
     let mut values = preset.settings().values();
     let defaults = if preset.adapts_to_world() { overrides.defaults } else { &[] };
     for assignment in defaults {
@@ -88,11 +90,7 @@ pub fn settings_in_world(preset: Preset, defaults: &[&'static str]) -> Settings 
 }
 
 /// Applies `name=value`; errors begin with `source`.
-fn apply_assignment(
-    values: &mut Map<String, Value>,
-    text: &str,
-    source: &str,
-) -> Result<(), Box<ConfigError>> {
+fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -> Result<()> {
     let shown = truncated(text, MAX_QUOTED_CHARS);
     let (name, value) = text.split_once('=').ok_or_else(|| {
         let help = "use --set name=value, e.g. --set expectile=0.9".to_owned();
@@ -103,11 +101,7 @@ fn apply_assignment(
 
 /// Returns the settings of `preset` overridden by `text`, the contents of a settings file called
 /// `file`.
-pub fn settings_from_text(
-    preset: Preset,
-    file: &str,
-    text: &str,
-) -> Result<Settings, Box<ConfigError>> {
+pub fn settings_from_text(preset: Preset, file: &str, text: &str) -> Result<Settings> {
     let mut values = preset.settings().values();
     apply_text(&mut values, file, text)?;
     checked(&values)
@@ -129,11 +123,7 @@ pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> 
     settings.values().into_iter().filter(|(name, value)| base.get(name) != Some(value)).collect()
 }
 
-pub fn with_setting(
-    settings: &Settings,
-    name: &str,
-    value: &str,
-) -> Result<Settings, Box<ConfigError>> {
+pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Settings> {
     let mut values = settings.values();
     apply_typed(&mut values, name, value)?;
     checked(&values)
@@ -141,11 +131,7 @@ pub fn with_setting(
 
 /// Sets one value as a person types it: JSON, a number as in options, or a word without quotes
 /// (`loss=sqrt`).
-fn apply_typed(
-    values: &mut Map<String, Value>,
-    name: &str,
-    text: &str,
-) -> Result<(), Box<ConfigError>> {
+fn apply_typed(values: &mut Map<String, Value>, name: &str, text: &str) -> Result<()> {
     // As JSON, 60.000 is 60, which may not be the intention.
     let json = serde_json::from_str(text).ok().filter(|value: &Value| !value.is_number());
     apply(values, name, &json.unwrap_or_else(|| Value::String(text.to_owned())))
@@ -153,7 +139,7 @@ fn apply_typed(
 
 /// Converts the value of a numeric setting to a JSON number if it is written in another way: `1e6`,
 /// `"60_000"`, `100.0`, `".5"`.
-fn as_number(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
+fn as_number(setting: &Setting, value: &Value) -> Result<Value> {
     let is_count = setting.values.are_counts();
     let text = match value {
         Value::String(text) => text.clone(),
@@ -187,7 +173,7 @@ fn shown(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
-fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
+fn parse(values: &Map<String, Value>) -> Result<Settings> {
     serde_json::from_value(Value::Object(values.clone())).map_err(|e| {
         ConfigError::new(
             truncated(&e.to_string(), MAX_QUOTED_CHARS),
@@ -196,11 +182,7 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     })
 }
 
-fn apply(
-    values: &mut Map<String, Value>,
-    name: &str,
-    value: &Value,
-) -> Result<(), Box<ConfigError>> {
+fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<()> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
     let value = as_number(setting, value)?;
     let error = refused(name, setting, &value);
@@ -217,7 +199,7 @@ fn apply(
 
 /// Returns the settings with these values, after checking them together: some ranges involve
 /// several settings.
-fn checked(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
+fn checked(values: &Map<String, Value>) -> Result<Settings> {
     let settings = parse(values)?;
     if let Err(OutOfRange(setting)) = settings.validate_ranges() {
         return Err(refused(setting.name, setting, &values[setting.name]));
@@ -320,7 +302,7 @@ const SETTINGS_FILE: Wanted = Wanted {
     own: &[FileFormat::Json, FileFormat::Text],
 };
 
-fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
+fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<()> {
     let file = path.to_string_lossy();
     let whole_file = |problem: String, help: String| {
         ConfigError::new(problem, help).at(format!("{}: ", sanitized(&file)))
@@ -333,11 +315,7 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
     })
 }
 
-fn apply_text(
-    values: &mut Map<String, Value>,
-    file: &str,
-    text: &str,
-) -> Result<(), Box<ConfigError>> {
+fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<()> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
         let offset = offset_of(text, e.line(), e.column());
         let help = "a settings file is a JSON object of names and values, in the format of \

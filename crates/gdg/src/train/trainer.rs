@@ -11,18 +11,18 @@ use std::sync::Arc;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-use super::TrainError;
+use super::Result;
 use super::evaluate::EvaluationJob;
 use super::film::Film;
 use super::history::{History, Moment, Notes};
 use super::registry::Registry;
-use super::rollout::{Rollout, RoundResult, StepContext};
+use super::rollout::{Rollout, Round, RoundResult, StepContext};
 use super::run::{Counters, EndReason, Limits, Pace, Run, Tick};
 use super::score::Evaluation;
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
-use crate::env::{EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
+use crate::env::{EffectWatch, EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
 use crate::job::{Job, Stopwatch};
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
@@ -83,6 +83,9 @@ pub struct Trainer {
     /// Counters and seconds at the first update in this process, or with these settings, and then at
     /// the first one with a bridge graph if the run needs one: whether no graph is still to come.
     paced_from: Option<(Counters, f64, bool)>,
+    effect_watch: EffectWatch,
+    /// What users should know and have not been told yet.
+    warnings: Vec<String>,
     job: Job,
 }
 
@@ -91,8 +94,6 @@ fn stream(seed: u64, stream: RandomStream) -> ChaCha8Rng {
     rng.set_stream(stream as u64);
     rng
 }
-
-type Result<T> = std::result::Result<T, TrainError>;
 
 fn new_learner(
     run: &Run,
@@ -112,7 +113,8 @@ fn new_learner(
 fn fork_world(run: &Run, world: &dyn Environment) -> Result<Box<dyn Environment>> {
     let has_task = || world.abilities().episodes.and_then(Episodes::default_task).is_some();
     if run.settings.train.goals == Goals::Map && !has_task() {
-        return Err(EnvError::NoOwnTask(world.title().to_owned()).into());
+        let (title, lacks) = (world.title(), "has no start S from which a goal G can be reached");
+        return Err(EnvError::Unfit(format!("{title} {lacks}, which goals=map requires")).into());
     }
     let mut world = world.fork(run.settings.train.agents)?;
     world.configure(&run.settings.train.env());
@@ -162,6 +164,8 @@ impl Trainer {
             in_update: false,
             edits: Vec::new(),
             paced_from: None,
+            effect_watch: EffectWatch::default(),
+            warnings: Vec::new(),
             job: Job::default(),
             learner,
             registry: registry.clone(),
@@ -381,6 +385,10 @@ impl Trainer {
 
     fn finish_step(&mut self) -> Result<RoundResult> {
         self.wait_for_world()?;
+        if let Some(Round { before, actions, .. }) = &self.rollout.round {
+            let (world, steps) = (&*self.rollout.env, self.counters.env_steps);
+            self.warnings.extend(self.effect_watch.note(world, (before, actions), steps));
+        }
         let round = self.with_step_context(Rollout::finish)?;
         if self.candidates.others() != self.told_apart_by() {
             self.tell_more_apart()?;
@@ -423,6 +431,7 @@ impl Trainer {
                 guide: Guide { policy, graph },
                 replay,
                 candidates,
+                result: RoundResult::default(),
             };
             done = Some(act(rollout, &mut context));
         })?;
@@ -485,7 +494,7 @@ impl Trainer {
             let goals = points.goal.repeat(distances.len());
             policy.distances(&points.states, &goals, &mut distances, &mut Scratch::default());
         })?;
-        film.add(updates, counters.env_steps, rollout.env(), &points, &distances);
+        film.add([updates, counters.env_steps], rollout.env(), &points, &distances);
         Ok(())
     }
 

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use super::TrainError;
 use super::run::{EndReason, Limits, Tick};
 use super::trainer::{Recovery, Trainer};
+use super::{Result, TrainError};
 use crate::env::EnvError;
 
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -34,6 +34,8 @@ pub struct Schedule {
 pub enum TrainingEvent {
     /// Training was rolled back to earlier networks.
     Recovery(Recovery),
+    /// The trainer has warnings for the user.
+    Warned,
     /// Progress is to be reported.
     Progress,
     /// The next of the trainer's edits is to be made.
@@ -77,11 +79,7 @@ impl TrainingLoop {
 
     /// Returns what is still due, or else runs one tick, unless training is to stop or has reached
     /// one of `limits`.
-    pub fn next(
-        &mut self,
-        trainer: &mut Trainer,
-        limits: &Limits,
-    ) -> Result<TrainingEvent, TrainError> {
+    pub fn next(&mut self, trainer: &mut Trainer, limits: &Limits) -> Result<TrainingEvent> {
         if let Some(due) = self.due.pop_front() {
             return Ok(due);
         }
@@ -99,6 +97,7 @@ impl TrainingLoop {
             ticked => ticked?,
         };
         self.due.extend(trainer.take_recovery().map(TrainingEvent::Recovery));
+        self.due.extend(trainer.look_for_warnings().then_some(TrainingEvent::Warned));
         let updates = (tick == Tick::Update).then(|| trainer.counters().updates);
         if let Some(updates) = updates {
             let progress = self.schedule.progress_every_updates;

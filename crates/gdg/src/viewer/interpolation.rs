@@ -106,7 +106,7 @@ mod tests {
         let points = film.points(&world).expect("points");
         let (states, _) = points.states.as_chunks::<2>();
         let distances: Vec<f32> = states.iter().map(|at| distance(*at)).collect();
-        film.add(1, 32, &world as &dyn Environment, &points, &distances);
+        film.add([1, 32], &world as &dyn Environment, &points, &distances);
         (FilmedMap::new(map), film.frames()[0].clone())
     }
 

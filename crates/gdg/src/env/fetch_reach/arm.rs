@@ -4,15 +4,12 @@ use glam::{DQuat, DVec3};
 
 use super::constraints::{self, ConstraintRows, Mocap, accelerations};
 use super::dynamics::Dynamics;
-use super::model::{ArmFrames, CHAIN, JOINTS, Joints, add_scaled, product, solve};
+use super::model::{ArmFrames, CHAIN, JOINTS, Joints, RESET, add_scaled, product, solve};
 
-/// Time of a sub-step in seconds.
 const SUBSTEP_SECS: f64 = 0.002;
 
-/// Sub-steps per step.
 const SUBSTEPS: usize = 20;
 
-/// Time of a step in seconds.
 pub const STEP_SECS: f64 = SUBSTEPS as f64 * SUBSTEP_SECS;
 
 /// How far a full action moves the weld's pose, in metres.
@@ -28,23 +25,21 @@ const MOST_TURNS: f64 = 1e3;
 const MOST_VELOCITY: f64 = 100.0;
 const MOST_ACCELERATION: f64 = 1e6;
 
-/// The state of an arm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm {
-    /// Joint angles in rad.
+    /// In rad.
     pub angles: Joints,
-    /// Joint velocities in rad/s.
+    /// In rad/s.
     pub velocities: Joints,
     /// The latest acceleration in rad/s², the solver's initial guess.
     warm_start: Joints,
 }
 
 impl Arm {
-    /// The arm at the start of an episode.
     pub fn at_reset() -> Self {
         Self {
-            angles: CHAIN.each_ref().map(|joint| joint.angle),
-            velocities: CHAIN.each_ref().map(|joint| joint.velocity),
+            angles: RESET.map(|[angle, _]| angle),
+            velocities: RESET.map(|[_, velocity]| velocity),
             warm_start: [0.0; JOINTS],
         }
     }
@@ -73,7 +68,6 @@ impl Arm {
         }
     }
 
-    /// Returns its frames.
     pub fn frames(&self) -> ArmFrames {
         ArmFrames::new(&self.angles)
     }

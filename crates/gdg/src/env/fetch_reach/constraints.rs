@@ -22,7 +22,6 @@ pub const MAX_ROWS: usize = WELD_ROWS + LIMITED + CORNERS * PYRAMID;
 #[derive(Clone, Copy, Debug)]
 pub struct ConstraintRow {
     pub jacobian: Joints,
-    /// Reference acceleration.
     pub target: f64,
     /// 1 / R, the inverse of the regularisation.
     pub weight: f64,
@@ -47,7 +46,6 @@ impl ConstraintRows {
         self.length = 0;
     }
 
-    /// Returns the rows that always count.
     pub fn equalities(&self) -> &[ConstraintRow] {
         &self.rows[..WELD_ROWS.min(self.length)]
     }
@@ -75,7 +73,6 @@ struct Stiffness {
 /// Weld and joint limits.
 const FIRM: Stiffness = Stiffness { time: 0.02, impedance: (0.9, 0.95), width: 0.001 };
 
-/// The table.
 const CONTACT: Stiffness = Stiffness { time: 0.015, impedance: (0.945, 0.97), width: 0.0055 };
 
 impl Stiffness {
@@ -111,7 +108,6 @@ impl Stiffness {
     }
 }
 
-/// Returns 1 / R.
 fn weight(impedance: f64, inverse_inertia: f64) -> f64 {
     impedance / ((1.0 - impedance) * inverse_inertia)
 }

@@ -33,7 +33,6 @@ pub struct Pose {
     pub base: [f32; 3],
     /// Its joints, from the shoulder to the wrist.
     pub joints: [[f32; 3]; JOINTS],
-    /// The origin of `gripper_link`.
     pub gripper: [f32; 3],
     /// The point between the fingers: the first three numbers of its state.
     pub grip: [f32; 3],
@@ -66,7 +65,6 @@ impl Pose {
 }
 
 impl ArmScene {
-    /// Returns the goal region.
     pub fn goals(&self) -> Corners {
         around_centre(GOAL_RANGE)
     }
@@ -77,7 +75,6 @@ impl ArmScene {
         around_centre(POSITION_RANGE.into())
     }
 
-    /// Returns the corners of the table's top.
     pub fn table(&self) -> Corners {
         let corner = |x: f64, y: f64| [x as f32, y as f32, TABLE_TOP as f32];
         [corner(TABLE_X.0, TABLE_Y.0), corner(TABLE_X.1, TABLE_Y.1)]
@@ -94,12 +91,10 @@ impl ArmScene {
         GOAL_RADIUS
     }
 
-    /// Returns the steps of an episode.
     pub fn episode_steps(&self) -> u32 {
         EPISODE_STEPS
     }
 
-    /// Draws a goal.
     pub fn random_goal(&self, rng: &mut ChaCha8Rng) -> [f32; 3] {
         random_goal(rng).as_vec3().to_array()
     }
@@ -115,7 +110,6 @@ fn around_centre(range: f64) -> Corners {
     [-range, range].map(|by| (GOAL_CENTRE + DVec3::splat(by)).as_vec3().to_array())
 }
 
-/// Draws a goal, in metres.
 pub(super) fn random_goal(rng: &mut ChaCha8Rng) -> DVec3 {
     let off = std::array::from_fn(|_| rng.random_range(-GOAL_RANGE..GOAL_RANGE));
     GOAL_CENTRE + DVec3::from_array(off)
@@ -141,7 +135,6 @@ impl FetchReach {
     }
 }
 
-/// Points along each axis.
 const ALONG: usize = 11;
 
 /// The points of a film, a lattice along all axes.
@@ -160,12 +153,10 @@ impl ProbeLattice {
         Self { low, high, apart: std::array::from_fn(|i| (high[i] - low[i]) / (ALONG - 1) as f32) }
     }
 
-    /// Returns the number of points.
     pub fn places(&self) -> usize {
         ALONG.pow(3)
     }
 
-    /// Returns a point.
     pub fn point(&self, place: usize) -> [f32; 3] {
         let at = [place % ALONG, place / ALONG % ALONG, place / ALONG.pow(2)];
         // Rounding must not leave the space.

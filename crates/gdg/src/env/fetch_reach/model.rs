@@ -4,13 +4,10 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DQuat, DVec3};
 
-/// Number of joints.
 pub const JOINTS: usize = 7;
 
-/// One number per joint.
 pub type Joints = [f64; JOINTS];
 
-/// A joint and how it moves.
 pub struct Joint {
     /// Offset from the parent's frame in metres.
     pub offset: DVec3,
@@ -25,13 +22,8 @@ pub struct Joint {
     pub armature: f64,
     /// Stiffness of the spring that pulls the joint to 0, in N m/rad.
     pub stiffness: f64,
-    /// Angle at reset in rad.
-    pub angle: f64,
-    /// Velocity at reset in rad/s.
-    pub velocity: f64,
 }
 
-/// A joint's range.
 #[derive(Clone, Copy)]
 pub struct JointRange {
     pub low: f64,
@@ -51,57 +43,38 @@ pub const BASE: DVec3 = DVec3::new(
     0.3774 + 0.001_256_316_149_437_5 + 2.99e-7,
 );
 
-/// A joint like most: with these limits, and angle and velocity at reset.
-const fn joint(
-    offset: [f64; 3],
-    axis: usize,
-    limits: Option<JointRange>,
-    [angle, velocity]: [f64; 2],
-) -> Joint {
+/// A joint like most, with these limits.
+const fn joint(offset: [f64; 3], axis: usize, limits: Option<JointRange>) -> Joint {
     let offset = DVec3::from_array(offset);
-    Joint { offset, axis, limits, damping: 50.0, armature: 1.0, stiffness: 0.0, angle, velocity }
+    Joint { offset, axis, limits, damping: 50.0, armature: 1.0, stiffness: 0.0 }
 }
 
 /// The joints from shoulder to wrist: shoulder pan and lift, upper arm roll, elbow flex, forearm
 /// roll, wrist flex and roll. All frames are unrotated at angle 0.
 pub static CHAIN: [Joint; JOINTS] = [
-    joint(
-        [0.1195, 0.0, 0.3486],
-        2,
-        Some(limits(-1.6056, 1.6056, 0.073_663_7)),
-        [0.009_951_729_242_092_283, 0.000_744_489_074_071_289],
-    ),
-    joint(
-        [0.117, 0.0, 0.06],
-        1,
-        Some(limits(-1.221, 1.518, 0.340_356_1)),
-        [-0.825_638_558_758_470_7, 0.006_471_044_304_460_587],
-    ),
-    joint([0.219, 0.0, 0.0], 0, None, [-0.003_624_848_935_952_178, -0.001_390_179_209_535_696_2]),
-    joint(
-        [0.133, 0.0, 0.0],
-        1,
-        Some(limits(-2.251, 2.251, 0.682_978_3)),
-        [1.443_894_685_857_816_3, -0.002_199_885_113_987_556_3],
-    ),
+    joint([0.1195, 0.0, 0.3486], 2, Some(limits(-1.6056, 1.6056, 0.073_663_7))),
+    joint([0.117, 0.0, 0.06], 1, Some(limits(-1.221, 1.518, 0.340_356_1))),
+    joint([0.219, 0.0, 0.0], 0, None),
+    joint([0.133, 0.0, 0.0], 1, Some(limits(-2.251, 2.251, 0.682_978_3))),
     Joint {
         damping: 3.5247,
         armature: 2.7538,
         stiffness: 10.0,
-        ..joint(
-            [0.197, 0.0, 0.0],
-            0,
-            None,
-            [0.003_059_309_078_914_222, 0.001_102_948_856_307_666_1],
-        )
+        ..joint([0.197, 0.0, 0.0], 0, None)
     },
-    joint(
-        [0.1245, 0.0, 0.0],
-        1,
-        Some(limits(-2.16, 2.16, 0.809_459_6)),
-        [0.953_218_534_161_562_1, -0.001_160_167_755_615_268_4],
-    ),
-    joint([0.1385, 0.0, 0.0], 0, None, [0.005_519_638_183_732_647_5, -0.000_928_528_151_623_920_9]),
+    joint([0.1245, 0.0, 0.0], 1, Some(limits(-2.16, 2.16, 0.809_459_6))),
+    joint([0.1385, 0.0, 0.0], 0, None),
+];
+
+/// Angle in rad and velocity in rad/s of each joint at reset.
+pub const RESET: [[f64; 2]; JOINTS] = [
+    [0.009_951_729_242_092_283, 0.000_744_489_074_071_289],
+    [-0.825_638_558_758_470_7, 0.006_471_044_304_460_587],
+    [-0.003_624_848_935_952_178, -0.001_390_179_209_535_696_2],
+    [1.443_894_685_857_816_3, -0.002_199_885_113_987_556_3],
+    [0.003_059_309_078_914_222, 0.001_102_948_856_307_666_1],
+    [0.953_218_534_161_562_1, -0.001_160_167_755_615_268_4],
+    [0.005_519_638_183_732_647_5, -0.000_928_528_151_623_920_9],
 ];
 
 /// From the last joint to `gripper_link`, in metres.
@@ -126,13 +99,12 @@ pub struct Body {
 }
 
 impl Body {
-    /// Returns a body whose inertia is diagonal in a frame turned by the quaternion `turn` (w, x,
-    /// y, z).
-    fn new(mass: f64, centre: [f64; 3], turn: [f64; 4], diagonal: [f64; 3]) -> Self {
-        let [w, x, y, z] = turn;
-        let turn = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-        let inertia = turn * DMat3::from_diagonal(diagonal.into()) * turn.transpose();
-        Self { mass, centre: centre.into(), inertia }
+    /// Returns a body with this mass and centre of mass (x, y, z), whose inertia is diagonal in a frame
+    /// turned by a quaternion (w, x, y, z): the next four numbers, and the diagonal.
+    fn new([mass, x, y, z, qw, qx, qy, qz, ixx, iyy, izz]: [f64; 11]) -> Self {
+        let turn = DMat3::from_quat(DQuat::from_xyzw(qx, qy, qz, qw).normalize());
+        let inertia = turn * DMat3::from_diagonal(DVec3::new(ixx, iyy, izz)) * turn.transpose();
+        Self { mass, centre: DVec3::new(x, y, z), inertia }
     }
 
     fn moved(self, by: DVec3) -> Self {
@@ -154,71 +126,35 @@ pub fn point_inertia(mass: f64, at: DVec3) -> DMat3 {
     (DMat3::from_diagonal(DVec3::splat(at.length_squared())) - outer) * mass
 }
 
+/// The links from shoulder pan to wrist roll, the gripper, and a finger in its middle: see [`Body::new`].
+const LINKS: [[f64; 11]; JOINTS + 2] = [
+    [2.5587, 0.0927, -0.0056, 0.0564, -0.1364, 0.7624, -0.1562, 0.613, 0.009, 0.0086, 0.0041],
+    [2.6615, 0.1432, 0.0072, -0.0001, 0.4382, 0.4382, 0.555, 0.555, 0.0116, 0.0112, 0.0023],
+    [2.3311, 0.1165, 0.0014, 0.0, -0.0136, 0.707, 0.0136, 0.707, 0.0047, 0.0045, 0.0019],
+    [2.1299, 0.1279, 0.0073, 0.0, 0.4332, 0.4332, 0.5589, 0.5589, 0.0086, 0.0084, 0.002],
+    [1.6563, 0.1097, -0.0266, 0.0, -0.0715, 0.7035, 0.0715, 0.7035, 0.0035, 0.0031, 0.0015],
+    [1.725, 0.0882, 0.0009, -0.0001, 0.4895, 0.4895, 0.5103, 0.5103, 0.0042, 0.0042, 0.0018],
+    [0.1354, 0.0095, 0.0004, -0.0002, 1.0, 0.0, 0.0, 0.0, 0.0001, 0.0001, 0.0001],
+    [1.5175, -0.09, -0.0001, -0.0017, 0.0, 1.0, 0.0, 1.0, 0.0024, 0.0019, 0.0013],
+    [4.0, -0.01, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.1, 0.1],
+];
+
 /// The links, one per joint; wrist roll, gripper and fingers are one.
 pub static BODIES: LazyLock<[Body; JOINTS]> = LazyLock::new(|| {
-    let gripper = Body::new(
-        1.5175,
-        [-0.09, -0.0001, -0.0017],
-        [0.0, 1.0, 0.0, 1.0],
-        [0.0024, 0.0019, 0.0013],
-    );
-    let finger = |y: f64| {
-        Body::new(4.0, [-0.01, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.1; 3])
-            .moved(DVec3::new(0.0, y, 0.0))
-    };
+    let [mut links @ .., gripper, finger] = LINKS.map(Body::new);
+    let finger = |y: f64| finger.moved(DVec3::new(0.0, y, 0.0));
     let hand = gripper.joined(finger(0.0159)).joined(finger(-0.0159)).moved(GRIPPER);
-    [
-        Body::new(
-            2.5587,
-            [0.0927, -0.0056, 0.0564],
-            [-0.1364, 0.7624, -0.1562, 0.613],
-            [0.009, 0.0086, 0.0041],
-        ),
-        Body::new(
-            2.6615,
-            [0.1432, 0.0072, -0.0001],
-            [0.4382, 0.4382, 0.555, 0.555],
-            [0.0116, 0.0112, 0.0023],
-        ),
-        Body::new(
-            2.3311,
-            [0.1165, 0.0014, 0.0],
-            [-0.0136, 0.707, 0.0136, 0.707],
-            [0.0047, 0.0045, 0.0019],
-        ),
-        Body::new(
-            2.1299,
-            [0.1279, 0.0073, 0.0],
-            [0.4332, 0.4332, 0.5589, 0.5589],
-            [0.0086, 0.0084, 0.002],
-        ),
-        Body::new(
-            1.6563,
-            [0.1097, -0.0266, 0.0],
-            [-0.0715, 0.7035, 0.0715, 0.7035],
-            [0.0035, 0.0031, 0.0015],
-        ),
-        Body::new(
-            1.725,
-            [0.0882, 0.0009, -0.0001],
-            [0.4895, 0.4895, 0.5103, 0.5103],
-            [0.0042, 0.0042, 0.0018],
-        ),
-        Body::new(0.1354, [0.0095, 0.0004, -0.0002], [1.0, 0.0, 0.0, 0.0], [0.0001; 3])
-            .joined(hand),
-    ]
+    links[JOINTS - 1] = links[JOINTS - 1].joined(hand);
+    links
 });
 
-/// A 7 x 7 matrix by rows.
 pub type Matrix = [Joints; JOINTS];
 
-/// Returns the dot product.
 #[inline]
 pub fn dot(a: &Joints, b: &Joints) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Returns `m x`.
 #[inline]
 pub fn product(m: &Matrix, x: &Joints) -> Joints {
     std::array::from_fn(|i| dot(&m[i], x))
@@ -277,16 +213,13 @@ pub struct ArmFrames {
     pub origins: [DVec3; JOINTS],
     /// Each joint's axis, of length 1.
     pub axes: [DVec3; JOINTS],
-    /// Each link's orientation.
     pub turns: [DMat3; JOINTS],
     /// The origin of `gripper_link` in metres.
     pub gripper: DVec3,
-    /// Its orientation.
     pub orientation: DQuat,
 }
 
 impl ArmFrames {
-    /// Returns the frames at these joint angles.
     pub fn new(angles: &Joints) -> Self {
         let (mut at, mut orientation, mut turn) = (BASE, DQuat::IDENTITY, DMat3::IDENTITY);
         let mut frames = Self {
@@ -309,12 +242,10 @@ impl ArmFrames {
         frames
     }
 
-    /// Returns the orientation of the gripper as a matrix.
     pub fn hand(&self) -> &DMat3 {
         &self.turns[JOINTS - 1]
     }
 
-    /// Returns the grip site in metres.
     pub fn grip(&self) -> DVec3 {
         self.gripper + *self.hand() * GRIP
     }

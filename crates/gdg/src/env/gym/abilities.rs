@@ -6,10 +6,13 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Map, Value, json};
 
-use super::{Address, Gym, NO_TASK, STORED, Stored, TASKS_AT_ONCE, UNCHECKED};
+use super::{
+    Address, EnvDescription, EnvFacts, Gym, NO_TASK, Result, STORED, Stored, TASKS_AT_ONCE,
+    UNCHECKED,
+};
 use crate::env::{
-    Drawn, EnvError, Environment, Episodes, Evaluated, Explored, GoalSpace, Recorded, RecordedStep,
-    Spec, Task, TaskSet, WorldScene,
+    Drawn, Environment, Episodes, Evaluated, Explored, FirstLook, GoalSpace, Recorded, Spec, Task,
+    TaskSet, WorldScene,
 };
 use crate::store::Store;
 
@@ -79,8 +82,10 @@ impl Recorded for Gym {
         std::mem::take(&mut *self.pool.warnings.lock())
     }
 
-    fn doubts(&self, steps: &[RecordedStep]) -> Vec<String> {
-        self.found.doubts(&self.pool.about, steps)
+    fn first_look(&self) -> Option<FirstLook<'_>> {
+        let (EnvFacts { effects, columns, .. }, about) = (&*self.found, &self.pool.about);
+        let EnvDescription { bounds, low, high, .. } = about;
+        Some(FirstLook { effects, bounds, columns, low, high })
     }
 
     fn save(&self, store: &mut Store) {
@@ -126,7 +131,7 @@ impl Drawn for Gym {
 impl Evaluated for Gym {
     /// Takes the starts and goals of the environment's own resets: all in one group, or `per_group`
     /// of each of its tasks.
-    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet, EnvError> {
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet> {
         let groups = self.pool.about.tasks.unwrap_or(1);
         // As many environments as its tasks need later.
         let together = TASKS_AT_ONCE.min(per_group * groups as usize).max(1);

@@ -5,9 +5,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::Result;
 use super::worker::{EnvDescription, GymWorker};
-use crate::env::contact;
-use crate::env::{EnvError, MAX_MAGNITUDE, RecordedStep, Spec, Walls};
+use crate::env::{
+    DirectEffect, MAX_MAGNITUDE, RecordedStep, Spec, Walls, contact, direct_effects, share,
+};
 use crate::store::StoreError;
 
 /// Episodes begun to see starts and goals.
@@ -53,15 +55,10 @@ const OUTGROWN: f32 = 2.0;
 /// radii across: smaller ones are learned faster without.
 const POSITIONS_RADII: f32 = 12.0;
 
-/// Recorded data are doubted where in a step a component typically changes by this multiple of what random
-/// steps do, or all by less than this share of it; where half of the states are this many half ranges away
-/// from goals and starts; and where what goes with an action as closely as `DIRECT` does not so at all, or
-/// the other way.
-const MOST_STEPS: f32 = 30.0;
-const LEAST_STEPS: f32 = 0.1;
-const FAR: f32 = 2.0;
-const DIRECT: f64 = 0.6;
-const UNRELATED: f64 = 0.1;
+/// Steps of a walk with other actions, and again whenever a run is resumed: its environment is another
+/// one where they lead elsewhere, by this share of what a step changes.
+const TRIED_STEPS: u32 = 25;
+const ELSEWHERE: f32 = 0.5;
 
 /// A goal radius spans at least this many steps of single precision.
 const LEAST_RESOLVED: f32 = 16.0;
@@ -69,7 +66,6 @@ const LEAST_RESOLVED: f32 = 16.0;
 /// What has been found out. A checkpoint keeps it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EnvFacts {
-    /// Sizes and scales.
     pub spec: Spec,
     /// Which number of a row is each component of the state.
     pub columns: Vec<usize>,
@@ -77,55 +73,14 @@ pub struct EnvFacts {
     pub goal_columns: Vec<usize>,
     /// Goals that the environment has asked for, `(goals, goal_dim)`.
     pub goals: Vec<f32>,
-    /// State, action and next state of each random step of a first look.
-    #[serde(skip)]
-    pub steps: Vec<[Vec<f32>; 3]>,
+    /// What actions have moved at once, and the row that a short walk leads to.
+    #[serde(default)]
+    pub effects: Vec<DirectEffect>,
+    #[serde(default)]
+    pub led_to: Vec<f32>,
 }
 
 impl EnvFacts {
-    /// Says why recorded `steps` may not be of this environment.
-    pub fn doubts(&self, about: &EnvDescription, steps: &[RecordedStep]) -> Vec<String> {
-        let (spec, all) = (&self.spec, 0..self.spec.state_dim());
-        let own: Vec<RecordedStep> =
-            self.steps.iter().map(|step| step.each_ref().map(Vec::as_slice)).collect();
-        let states = |i: usize| steps.iter().map(move |[state, ..]| state[i]);
-        let outside = all.clone().find_map(|i| {
-            let [low, high] = *about.bounds.get(self.columns[i])?;
-            let [low, high] = [low.unwrap_or(f32::MIN), high.unwrap_or(f32::MAX)];
-            let margin = CONSTANT.sqrt() * low.abs().min(high.abs()).max(1.0);
-            let value = states(i).find(|v| !(low - margin..=high + margin).contains(v))?;
-            Some(format!("component {i} is {value}, which its space does not contain"))
-        });
-        let is_far = |i: &&usize| {
-            let beyond =
-                |v: &f32| (v - spec.state_centre[**i]).abs() > FAR * spec.state_half_range[**i];
-            2 * states(**i).filter(beyond).count() > steps.len()
-        };
-        let far = spec.achieved.iter().find(is_far);
-        let far = far.map(|i| format!("component {i} is mostly far from all goals and starts"));
-        let moved = |steps: &[RecordedStep], i: usize| {
-            let changes = steps.iter().map(|[from, _, to]| (to[i] - from[i]).abs());
-            share(changes.collect(), 1.0 - TYPICAL)[1]
-        };
-        let pairs = all.clone().flat_map(|i| (0..spec.action_dim).map(move |j| (i, j)));
-        let pairs: Vec<_> = pairs.filter(|at| related(&own, *at).abs() > DIRECT).collect();
-        // Others may be of an object that lies still until it is pushed.
-        let judged = all.filter(|i| pairs.iter().any(|(moved, _)| moved == i));
-        let moved: Vec<_> = judged.map(|i| (i, moved(steps, i), moved(&own, i))).collect();
-        let fast = moved.iter().find(|(_, now, usual)| *now > MOST_STEPS * usual);
-        let slow = |(_, now, usual): &&(usize, f32, f32)| *now < LEAST_STEPS * usual;
-        let slow = moved.first().filter(|_| moved.iter().filter(slow).count() == moved.len());
-        let other = fast.or(slow).map(|(i, now, usual)| {
-            format!("a step changes component {i} by {now}, and by {usual} in random steps")
-        });
-        // As far as recorded actions do what random ones do.
-        let alike = |at: &&(usize, usize)| related(&own, **at).signum() * related(steps, **at);
-        let other_way = pairs.iter().filter(|at| alike(at) < UNRELATED).count();
-        let order = (2 * other_way > pairs.len())
-            .then_some("actions do not lead where they lead here: rows may be shifted or reversed");
-        [outside, far, other, order.map(str::to_owned)].into_iter().flatten().collect()
-    }
-
     /// Returns the walls of the maze, if there is one and goals are positions in it.
     pub fn maze_of<'a>(&self, about: &'a EnvDescription) -> Option<&'a Walls> {
         about.maze.as_ref().filter(|_| self.goal_columns.starts_with(&[0, 1]))
@@ -178,6 +133,28 @@ impl EnvFacts {
         has_changed
     }
 
+    /// Says where a short walk leads now if that is elsewhere than when this was found out, and not by
+    /// chance.
+    pub fn leads_elsewhere(&self, worker: &mut GymWorker) -> Result<Option<String>> {
+        if self.led_to.is_empty() {
+            return Ok(None);
+        }
+        let (first, second) = (try_again(worker, 1.0)?, try_again(worker, 1.0)?);
+        let (was, is) = (&self.led_to, &second[second.len() - 1]);
+        let is_off = |(scale, column): &(&f32, &usize)| {
+            let rounding = CONSTANT * was[**column].abs().max(1.0);
+            (is[**column] - was[**column]).abs() > ELSEWHERE * **scale + rounding
+        };
+        let mut off = self.spec.change_scale.iter().zip(&self.columns).filter(is_off);
+        let off = off.next().filter(|_| first == second);
+        Ok(off.map(|(_, column)| {
+            let [was, is] = [was[*column], is[*column]];
+            format!(
+                "the same actions lead elsewhere than when the run began: to {is}, not to {was}"
+            )
+        }))
+    }
+
     /// Checks what a checkpoint has kept, with a description.
     pub fn check(&self, about: &EnvDescription) -> Result<(), StoreError> {
         let (spec, within) = (&self.spec, |v: &f32| v.abs() <= MAX_MAGNITUDE);
@@ -200,7 +177,9 @@ impl EnvFacts {
             && self.goals.iter().all(within)
             && self.columns.iter().all(|column| *column < about.row())
             && self.goal_columns.iter().all(|column| *column < about.goal)
-            && spec.action_dim == about.low.len();
+            && spec.action_dim == about.low.len()
+            && self.effects.iter().all(|effect| effect.fits(s, spec.action_dim))
+            && [0, about.row()].contains(&self.led_to.len());
         StoreError::unless(sound, "what it stores of its world is inconsistent")
     }
 }
@@ -212,7 +191,6 @@ pub struct Seen {
     pub starts: Vec<Vec<f32>>,
     /// Desired goals of the same episodes.
     pub goals: Vec<Vec<f32>>,
-    /// Rows of walks.
     pub walks: Vec<Vec<Vec<f32>>>,
     /// The actions between them.
     pub actions: Vec<Vec<Vec<f32>>>,
@@ -222,21 +200,24 @@ pub struct Seen {
 /// observation that are the goal, and the distance below which one is reached.
 pub fn find(
     worker: &mut GymWorker,
-    about: &EnvDescription,
     goal: Option<&[usize]>,
     radius: Option<f32>,
-) -> Result<(EnvFacts, Vec<String>), EnvError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(0);
+) -> Result<(EnvFacts, Vec<String>)> {
+    let (mut rng, about) = (ChaCha8Rng::seed_from_u64(0), &worker.about.clone());
     let mut seen = Seen::default();
     for i in 0..RESETS {
         let task = about.tasks.map(|tasks| 1 + i as u32 % tasks);
-        let (row, goal) = worker.reset(about, 0, rng.random(), task)?;
+        let (row, goal) = worker.reset(0, rng.random(), task)?;
         seen.starts.push(row);
         seen.goals.push(goal);
     }
     for _ in 0..WALKS {
-        walk(worker, about, &mut rng, &mut seen)?;
+        let [rows, actions] = walk(worker, &mut rng, (WALK_STEPS, 1.0))?;
+        seen.walks.push(rows);
+        seen.actions.push(actions);
     }
+    let [tried, others] = [1.0, -0.5].map(|size| try_again(worker, size));
+    let (tried, others) = (tried?, others?);
     let columns = columns(&seen, about, goal).map_err(|why| worker.fail(why))?;
     let Some(radius) = radius.or(about.goal_radius) else {
         let problem = "does not say when a goal is reached: give --goal-radius".to_owned();
@@ -248,19 +229,31 @@ pub fn find(
     if let Some(why) = too_fine(&found.spec).or(none_is_left) {
         return Err(worker.fail(why));
     }
-    let state = |row: &[f32]| found.columns.iter().map(|column| row[*column]).collect();
-    let walks = seen.walks.iter().zip(&seen.actions);
-    found.steps = walks
-        .flat_map(|(rows, actions)| rows.windows(2).zip(actions))
-        .map(|(pair, action)| [state(&pair[0]), action.clone(), state(&pair[1])])
-        .collect();
-    let ends = found.steps.len() <= WALKS;
-    let ends = ends.then(|| "every episode ends with its first step".to_owned());
-    let is_still = found.steps.iter().all(|[from, _, to]| from == to);
-    let still =
-        is_still.then(|| "nothing has moved in the random steps of the first look".to_owned());
+    let state = |row: &Vec<f32>| found.columns.iter().map(|column| row[*column]).collect();
+    let states = seen.walks.iter().map(|rows| rows.iter().map(state).collect::<Vec<Vec<f32>>>());
+    let states: Vec<_> = states.collect();
+    let walks = states.iter().zip(&seen.actions);
+    let steps = walks.flat_map(|(states, actions)| states.windows(2).zip(actions));
+    let steps: Vec<RecordedStep> = steps.map(|(pair, a)| [&pair[0][..], a, &pair[1]]).collect();
+    (found.effects, found.led_to) = (direct_effects(&steps), tried[tried.len() - 1].clone());
+    let [ends, still, idle] = [
+        (steps.len() <= WALKS, "every episode ends with its first step"),
+        (
+            steps.iter().all(|[from, _, to]| from == to),
+            "nothing has moved in the random steps of the first look",
+        ),
+        (tried == others, "its actions have no effect: others lead to the same observations"),
+    ]
+    .map(|(is_so, text)| is_so.then(|| text.to_owned()));
+    let idle = idle.filter(|_| still.is_none());
     let said = (2 * reached > RESETS).then_some(said);
-    Ok((found, [said, ends, still].into_iter().flatten().collect()))
+    Ok((found, [said, ends, still, idle].into_iter().flatten().collect()))
+}
+
+/// Walks as at the end of the first look; returns the rows.
+fn try_again(worker: &mut GymWorker, size: f32) -> Result<Vec<Vec<f32>>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    walk(worker, &mut rng, (TRIED_STEPS, size)).map(|[rows, _]| rows)
 }
 
 /// Says how many goals are reached where their episodes begin.
@@ -292,31 +285,29 @@ fn too_fine(spec: &Spec) -> Option<String> {
     })
 }
 
-/// Walks at random for an episode.
+/// Walks at random for an episode, of so many steps at most by actions of this size; returns rows and
+/// the actions between them.
 fn walk(
     worker: &mut GymWorker,
-    about: &EnvDescription,
     rng: &mut ChaCha8Rng,
-    seen: &mut Seen,
-) -> Result<(), EnvError> {
+    (most, size): (u32, f32),
+) -> Result<[Vec<Vec<f32>>; 2]> {
     let mut actions = Vec::new();
-    let mut rows = vec![worker.reset(about, 0, rng.random(), None)?.0];
-    let mut action = vec![0.0; about.low.len()];
-    for i in 0..about.episode_steps().map_or(WALK_STEPS, |limit| limit.min(WALK_STEPS)) {
+    let mut rows = vec![worker.reset(0, rng.random(), None)?.0];
+    let mut action = vec![0.0; worker.about.low.len()];
+    for i in 0..worker.about.episode_steps().map_or(most, |limit| limit.min(most)) {
         if i == 0 || rng.random::<f32>() < 1.0 / HOLD_STEPS {
-            action.fill_with(|| rng.random_range(-1.0..=1.0));
+            action.fill_with(|| size * rng.random_range(-1.0..=1.0));
         }
-        let next = worker.step(about, &action)?;
-        let has_ended = next.iter().any(|(_, ended)| *ended);
-        rows.extend(next.into_iter().map(|(row, _)| row));
+        let next = worker.step(&action)?;
+        let has_ended = next.iter().any(|(_, ended, _)| *ended);
+        rows.extend(next.into_iter().map(|(row, ..)| row));
         actions.push(action.clone());
         if has_ended {
             break;
         }
     }
-    seen.walks.push(rows);
-    seen.actions.push(actions);
-    Ok(())
+    Ok([rows, actions])
 }
 
 /// The columns of a row that form the state, which components of the state are achieved, and which
@@ -424,8 +415,14 @@ fn scales(
     let widest = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
     let are_positions =
         spec.goal_dim() <= 3 && 2.0 * widest >= POSITIONS_RADII * MARGIN * spec.goal_radius;
-    let mut found =
-        EnvFacts { spec, columns, goal_columns, goals: goals.concat(), steps: Vec::new() };
+    let mut found = EnvFacts {
+        spec,
+        columns,
+        goal_columns,
+        goals: goals.concat(),
+        effects: Vec::new(),
+        led_to: Vec::new(),
+    };
     // Grids that are far finer than a maze learn noise, on which actors stand still.
     let cell = found.maze_of(about).map_or(goal_radius, Walls::cell_size);
     found.spec.position_scale = are_positions.then_some(cell);
@@ -453,27 +450,6 @@ fn widen(spec: &mut Spec) {
     }
 }
 
-/// Returns the correlation of the change of component `i` with component `j` of the action.
-fn related(steps: &[RecordedStep], (i, j): (usize, usize)) -> f64 {
-    let mut sums = [0.0; 5];
-    for [from, action, to] in steps {
-        let (c, a) = (f64::from(to[i] - from[i]), f64::from(action[j]));
-        sums.iter_mut().zip([c, a, c * c, a * a, c * a]).for_each(|(sum, v)| *sum += v);
-    }
-    let [c, a, cc, aa, ca] = sums.map(|sum| sum / steps.len() as f64);
-    let spread = ((cc - c * c) * (aa - a * a)).max(0.0).sqrt();
-    if spread > 0.0 { (ca - c * a) / spread } else { 0.0 }
-}
-
-/// Returns the range of `numbers` without the share `tail` of them below it and above it.
-fn share(mut numbers: Vec<f32>, tail: f64) -> [f32; 2] {
-    let Some(last) = numbers.len().checked_sub(1) else { return [0.0; 2] };
-    [tail, 1.0 - tail].map(|share| {
-        let at = (share * last as f64).round() as usize;
-        *numbers.select_nth_unstable_by(at, f32::total_cmp).1
-    })
-}
-
 #[cfg(test)]
 pub mod tests {
     use super::*;
@@ -487,13 +463,7 @@ pub mod tests {
             goal,
             low: vec![Some(-1.0)],
             high: vec![Some(1.0)],
-            bounds: Vec::new(),
-            time_limit: None,
-            tasks: None,
-            goal_radius: None,
-            maze: None,
-            versions: std::collections::BTreeMap::new(),
-            sources: std::collections::BTreeMap::new(),
+            ..EnvDescription::default()
         }
     }
 

@@ -133,12 +133,14 @@ class Slot:
     def __init__(self):
         self.env = make()
         self.ended = self.moves_goal = False
+        self.told = 0
         self.last = self.generators = None
 
     def row(self):
         """Returns what is observed, followed by the achieved goal if it is apart, and 1 at the end; 2 more
-        where the desired goal has moved within an episode."""
-        return np.append(self.last, self.ended + 2 * self.moves_goal)
+        where the desired goal has moved within an episode, 4 where the environment says whether it is
+        reached, and 8 where it is."""
+        return np.append(self.last, self.ended + 2 * self.moves_goal + self.told)
 
 
 class Goals:
@@ -284,11 +286,13 @@ def step(slot, action):
     if owns:
         random.setstate(slot.generators[0])
         np.random.set_state(slot.generators[1])
-    observation, _, terminated, truncated, _ = of_gymnasium(wanted, lambda: slot.env.step(action))
+    observation, _, terminated, truncated, info = of_gymnasium(wanted, lambda: slot.env.step(action))
     if owns:
         before, slot.generators = slot.generators, (random.getstate(), np.random.get_state())
         Slot.draws = Slot.draws or drawn(before, slot.generators)
     slot.ended = bool(terminated or truncated)
+    told = info.get("is_success", info.get("success")) if isinstance(info, dict) else None
+    slot.told = 4 + 8 * bool(told) if np.ndim(told) == 0 and told is not None else 0
     return observation
 
 

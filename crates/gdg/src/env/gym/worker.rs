@@ -2,7 +2,7 @@
 //! either way is a kind and a length, then that many bytes, all little-endian.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::io::{BufRead, BufReader, ErrorKind, PipeReader, Read, Write};
+use std::io::{self, BufRead, BufReader, ErrorKind, PipeReader, Read, Write};
 use std::net::Shutdown;
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
@@ -18,12 +18,12 @@ use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::Result;
 use crate::env::task::MAX_BUDGET_STEPS;
 use crate::env::{EnvError, MAX_MAGNITUDE, Walls};
 use crate::job::Job;
 use crate::text::{grouped, truncated};
 
-/// What the worker runs.
 const SOURCE: &str = include_str!("worker.py");
 
 /// Reads that source from the socket, which is the standard input, and leaves an empty one: what is
@@ -137,13 +137,11 @@ fn changes(what: &str, was: &Value, is: &Value) -> Vec<String> {
 }
 
 /// What a worker says of its environment. A checkpoint keeps it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct EnvDescription {
-    /// Length of an observation.
     pub observed: usize,
     /// Length of the achieved goal that comes beside it; 0 if it is part of the observation.
     pub achieved: usize,
-    /// Length of a desired goal.
     pub goal: usize,
     /// Lowest and highest action; `None` where there is no bound.
     pub low: Vec<Option<f32>>,
@@ -243,7 +241,6 @@ impl EnvDescription {
         Some(format!("{component}: actions stay from {low} to {high} there"))
     }
 
-    /// Whether the numbers make sense.
     pub fn is_sound(&self) -> bool {
         const MOST: usize = 4096;
         let sizes = [self.observed, self.goal, self.low.len()];
@@ -255,8 +252,9 @@ impl EnvDescription {
     }
 }
 
-/// What a step leads to: a row, and whether the episode has ended.
-pub type Stepped = (Vec<f32>, bool);
+/// What a step leads to: a row, whether the episode has ended, and whether the environment says that its
+/// goal is reached, if it says anything.
+pub type Stepped = (Vec<f32>, bool, Option<bool>);
 
 /// What a worker says of an exception.
 #[derive(Debug, Deserialize)]
@@ -266,7 +264,6 @@ struct Exception {
     /// The module that is missing, if that is the problem.
     #[serde(default)]
     missing: Option<String>,
-    /// The exception and its message.
     error: String,
     /// Files and lines, the innermost last.
     #[serde(default)]
@@ -276,13 +273,14 @@ struct Exception {
     searched: Vec<String>,
 }
 
-/// The latest lines that a worker has written.
 type LatestLines = Arc<Mutex<VecDeque<String>>>;
 
 /// A running worker. It ends when it is dropped, or with this process, and all that it has started
 /// with it.
 pub struct GymWorker {
     title: String,
+    /// What it says of its environment, once that is open.
+    pub about: EnvDescription,
     channel: UnixStream,
     child: Child,
     output: LatestLines,
@@ -291,11 +289,9 @@ pub struct GymWorker {
     /// How long the present answer has been waited for while this program ran, and how long of that
     /// since training is to stop.
     waited: [Duration; 2],
-    /// Says when training is to stop.
     job: Arc<Mutex<Job>>,
     /// When it is to have ended.
     ends_by: Option<Instant>,
-    /// How many environments it has.
     pub environments: usize,
     /// Whether a desired goal has moved within one of its first episodes.
     pub moves_goal: bool,
@@ -303,10 +299,9 @@ pub struct GymWorker {
     pub is_broken: bool,
 }
 
-/// Its environments.
 impl GymWorker {
     /// Opens the environment and describes it.
-    pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<EnvDescription, EnvError> {
+    pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<EnvDescription> {
         let config = serde_json::json!({ "package": package.unwrap_or_default(), "id": id });
         self.send(Message::Open, config.to_string().as_bytes())?;
         let reply = self.answer(Message::Open, MAX_TEXT_BYTES)?;
@@ -314,13 +309,14 @@ impl GymWorker {
         // Errors to come have nothing to do with what it has written so far.
         self.output.lock().clear();
         let found: Option<EnvDescription> = serde_json::from_slice(&reply).ok();
-        found.filter(EnvDescription::is_sound).ok_or_else(|| {
+        self.about = found.filter(EnvDescription::is_sound).ok_or_else(|| {
             self.fail("its worker describes it in a way that makes no sense".to_owned())
-        })
+        })?;
+        Ok(self.about.clone())
     }
 
     /// Creates environments until there are `count`.
-    pub fn make(&mut self, count: usize) -> Result<(), EnvError> {
+    pub fn make(&mut self, count: usize) -> Result<()> {
         // One by one, as the time limit is for each.
         while self.environments < count {
             let more = self.environments + 1;
@@ -335,16 +331,15 @@ impl GymWorker {
     /// row, and the desired goal.
     pub fn reset(
         &mut self,
-        about: &EnvDescription,
         environment: usize,
         seed: u32,
         task: Option<u32>,
-    ) -> Result<(Vec<f32>, Vec<f32>), EnvError> {
+    ) -> Result<(Vec<f32>, Vec<f32>)> {
         let numbers = [environment as f64, f64::from(seed), task.map_or(-1.0, f64::from)];
         self.send(Message::Reset, &bytes(numbers))?;
-        let reply = self.numbers(Message::Reset, about.row() + 1 + about.goal)?;
-        let (row, goal) = reply.split_at(about.row() + 1);
-        let (row, _) = self.checked(about, "reset", row)?;
+        let reply = self.numbers(Message::Reset, self.about.row() + 1 + self.about.goal)?;
+        let (row, goal) = reply.split_at(self.about.row() + 1);
+        let (row, ..) = self.checked("reset", row)?;
         let goal: Vec<f32> = goal.iter().map(|v| *v as f32).collect();
         if goal.iter().all(|v| v.abs() <= MAX_MAGNITUDE) {
             return Ok((row, goal));
@@ -353,48 +348,36 @@ impl GymWorker {
     }
 
     /// Steps the first environments by `actions`, `(environments, action_dim)`.
-    pub fn step(
-        &mut self,
-        about: &EnvDescription,
-        actions: &[f32],
-    ) -> Result<Vec<Stepped>, EnvError> {
-        self.begin_step(about, actions)?;
-        self.end_step(about, actions.len() / about.low.len())
+    pub fn step(&mut self, actions: &[f32]) -> Result<Vec<Stepped>> {
+        self.begin_step(actions)?;
+        self.end_step(actions.len() / self.about.low.len())
     }
 
     /// Asks for a step, as [`Self::step`] does; [`Self::end_step`] returns its result. Actions lie
     /// in [-1, 1], or are [`REST`].
-    pub fn begin_step(&mut self, about: &EnvDescription, actions: &[f32]) -> Result<(), EnvError> {
-        let bounds = about.action_bounds().cycle();
+    pub fn begin_step(&mut self, actions: &[f32]) -> Result<()> {
+        let bounds = self.about.action_bounds().cycle();
         let actions = actions.iter().zip(bounds).map(|(a, to)| f64::from(scaled(*a, to)));
         self.send(Message::Step, &bytes(actions))
     }
 
     /// Returns the result of a step of `count` environments.
-    pub fn end_step(
-        &mut self,
-        about: &EnvDescription,
-        count: usize,
-    ) -> Result<Vec<Stepped>, EnvError> {
-        let length = about.row() + 1;
+    pub fn end_step(&mut self, count: usize) -> Result<Vec<Stepped>> {
+        let length = self.about.row() + 1;
         let reply = self.numbers(Message::Step, count * length)?;
-        reply.chunks(length).map(|row| self.checked(about, "step", row)).collect()
+        reply.chunks(length).map(|row| self.checked("step", row)).collect()
     }
 
     /// Returns what a row says if it can be computed with.
-    fn checked(
-        &mut self,
-        about: &EnvDescription,
-        during: &str,
-        row: &[f64],
-    ) -> Result<Stepped, EnvError> {
-        let (ended, row) = row.split_last().unwrap_or((&0.0, &[]));
+    fn checked(&mut self, during: &str, row: &[f64]) -> Result<Stepped> {
+        let (flags, row) = row.split_last().unwrap_or((&0.0, &[]));
+        let has = |flag: u8| *flags as u8 & flag != 0;
         let row: Vec<f32> = row.iter().map(|v| *v as f32).collect();
         let Some(i) = row.iter().position(|v| v.is_nan() || v.abs() > MAX_MAGNITUDE) else {
-            self.moves_goal |= *ended >= 2.0;
-            return Ok((row, *ended % 2.0 != 0.0));
+            self.moves_goal |= has(2);
+            return Ok((row, has(1), has(4).then(|| has(8))));
         };
-        let (part, component) = match i.checked_sub(about.observed) {
+        let (part, component) = match i.checked_sub(self.about.observed) {
             Some(component) => ("achieved_goal", component),
             None => ("observation", i),
         };
@@ -403,7 +386,6 @@ impl GymWorker {
     }
 }
 
-/// Its process and the messages.
 impl GymWorker {
     /// Starts a worker for the environment called `title`; every answer has to come within
     /// `timeout`, or soon once `job` says that training is to stop.
@@ -412,7 +394,7 @@ impl GymWorker {
         title: &str,
         timeout: Duration,
         job: Arc<Mutex<Job>>,
-    ) -> Result<Self, EnvError> {
+    ) -> Result<Self> {
         let unstarted = |error: std::io::Error| {
             let shown = truncated(&python.to_string_lossy(), MAX_SHOWN_CHARS);
             let problem = match error.kind() {
@@ -441,6 +423,7 @@ impl GymWorker {
         let reader = read_output(title.to_owned(), output, lines.clone()).map_err(unstarted)?;
         let mut worker = Self {
             title: title.to_owned(),
+            about: EnvDescription::default(),
             channel,
             child,
             output: lines,
@@ -457,7 +440,7 @@ impl GymWorker {
         Ok(worker)
     }
 
-    fn send(&mut self, request: Message, body: &[u8]) -> Result<(), EnvError> {
+    fn send(&mut self, request: Message, body: &[u8]) -> Result<()> {
         self.waited = [Duration::ZERO; 2];
         let header = [request as u32, body.len() as u32].map(u32::to_le_bytes);
         let message = [header.as_flattened(), body].concat();
@@ -465,7 +448,7 @@ impl GymWorker {
     }
 
     /// Returns the answer to the latest request: at most this many bytes.
-    fn answer(&mut self, request: Message, most: usize) -> Result<Vec<u8>, EnvError> {
+    fn answer(&mut self, request: Message, most: usize) -> Result<Vec<u8>> {
         let header = self.read(request, 8)?;
         let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| header[at + i]));
         let (kind, length) = (number(0), number(4) as usize);
@@ -483,7 +466,7 @@ impl GymWorker {
     }
 
     /// Returns the answer to the latest request: this many numbers.
-    fn numbers(&mut self, request: Message, count: usize) -> Result<Vec<f64>, EnvError> {
+    fn numbers(&mut self, request: Message, count: usize) -> Result<Vec<f64>> {
         let reply = self.answer(request, 8 * count)?;
         if reply.len() != 8 * count {
             let bytes = reply.len();
@@ -492,7 +475,7 @@ impl GymWorker {
         Ok(reply.as_chunks().0.iter().map(|number| f64::from_le_bytes(*number)).collect())
     }
 
-    fn read(&mut self, request: Message, length: usize) -> Result<Vec<u8>, EnvError> {
+    fn read(&mut self, request: Message, length: usize) -> Result<Vec<u8>> {
         let mut buffer = vec![0; length];
         self.transfer(request, length, |mut channel, done| channel.read(&mut buffer[done..]))?;
         Ok(buffer)
@@ -504,8 +487,8 @@ impl GymWorker {
         &mut self,
         request: Message,
         length: usize,
-        mut part: impl FnMut(&UnixStream, usize) -> std::io::Result<usize>,
-    ) -> Result<(), EnvError> {
+        mut part: impl FnMut(&UnixStream, usize) -> io::Result<usize>,
+    ) -> Result<()> {
         let (mut done, mut has_ended) = (0, false);
         while done < length {
             let began = Instant::now();
@@ -661,7 +644,7 @@ fn read_output(
     title: String,
     output: PipeReader,
     lines: LatestLines,
-) -> std::io::Result<JoinHandle<()>> {
+) -> io::Result<JoinHandle<()>> {
     let mut output = BufReader::new(output);
     let keep = move || {
         for count in 0.. {

@@ -4,15 +4,14 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 
+use super::Result;
 use super::facts::{self, EnvFacts};
 use super::worker::{EnvDescription, GymWorker, failed};
-use crate::env::EnvError;
 use crate::job::Job;
 use crate::text::truncated;
 
@@ -24,7 +23,6 @@ const MAX_CHARS: usize = 200;
 pub struct Address {
     /// The package, if it is not one of those that are tried.
     pub package: Option<String>,
-    /// The environment's ID.
     pub id: String,
 }
 
@@ -117,12 +115,13 @@ pub struct Pool {
     pub options: GymOptions,
     /// What its workers say of it.
     pub about: EnvDescription,
-    /// Says when training is to stop.
     pub job: Arc<Mutex<Job>>,
     /// What its users should know and have not been told yet.
     pub warnings: Mutex<Vec<String>>,
-    /// Whether it has been said that an episode could not be repeated.
-    said: AtomicBool,
+    /// Whether its desired goal moves within episodes.
+    pub moves_goal: bool,
+    /// Warnings that are given once.
+    said: Mutex<Vec<&'static str>>,
     pub idle: Mutex<Vec<GymWorker>>,
 }
 
@@ -133,22 +132,24 @@ impl Pool {
         address: Address,
         options: &GymOptions,
         kept: Option<(EnvFacts, EnvDescription)>,
-    ) -> Result<(Self, EnvFacts), EnvError> {
+    ) -> Result<(Self, EnvFacts)> {
         let job = Arc::default();
         let (mut worker, about) = start(&address, options, &job)?;
         let another = |why| failed(&address.id, why, Vec::new());
         let (found, warnings) = if let Some((found, was)) = kept {
-            (found, about.changes_since(&was).map_err(another)?)
+            let mut changes = about.changes_since(&was).map_err(another)?;
+            changes.extend(found.leads_elsewhere(&mut worker)?);
+            (found, changes)
         } else {
             let (goal, radius) = (options.goal.as_deref(), options.goal_radius);
-            let (found, reached) = facts::find(&mut worker, &about, goal, radius)?;
+            let (found, reached) = facts::find(&mut worker, goal, radius)?;
             let moves =
                 "its desired goal moves within episodes: agents head for the one of the reset";
             let moves = worker.moves_goal.then(|| moves.to_owned());
             (found, about.warnings().chain(reached).chain(moves).collect())
         };
         let (mut pool, found) = Self::only_read(address, options, about, found)?;
-        pool.job = job;
+        (pool.job, pool.moves_goal) = (job, worker.moves_goal);
         pool.idle.lock().push(worker);
         warnings.iter().for_each(|warning| pool.warn(warning));
         Ok((pool, found))
@@ -160,7 +161,7 @@ impl Pool {
         options: &GymOptions,
         about: EnvDescription,
         found: EnvFacts,
-    ) -> Result<(Self, EnvFacts), EnvError> {
+    ) -> Result<(Self, EnvFacts)> {
         found.check(&about)?;
         let pool = Self {
             address,
@@ -168,7 +169,8 @@ impl Pool {
             about,
             job: Arc::default(),
             warnings: Mutex::default(),
-            said: AtomicBool::new(false),
+            moves_goal: false,
+            said: Mutex::default(),
             idle: Mutex::default(),
         };
         Ok((pool, found))
@@ -180,15 +182,16 @@ impl Pool {
         self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));
     }
 
-    /// Warns, once, that an agent begins a new episode, and why.
-    pub fn warn_of_new_episode(&self, why: &str) {
-        if !self.said.swap(true, Ordering::Relaxed) {
-            self.warn(&format!("the agents begin new episodes: {why}"));
+    pub fn warn_once(&self, what: &'static str, why: &str) {
+        let mut said = self.said.lock();
+        if !said.contains(&what) {
+            said.push(what);
+            self.warn(&format!("{what}: {why}"));
         }
     }
 
     /// Returns a worker with at least this number of environments.
-    pub fn take(&self, environments: usize) -> Result<GymWorker, EnvError> {
+    pub fn take(&self, environments: usize) -> Result<GymWorker> {
         let idle = {
             let mut idle = self.idle.lock();
             let enough = idle.iter().position(|worker| worker.environments >= environments);
@@ -221,7 +224,7 @@ fn start(
     address: &Address,
     options: &GymOptions,
     job: &Arc<Mutex<Job>>,
-) -> Result<(GymWorker, EnvDescription), EnvError> {
+) -> Result<(GymWorker, EnvDescription)> {
     let (python, timeout) = (options.interpreter(), options.timeout);
     let mut worker = GymWorker::start(&python, &address.id, timeout, job.clone())?;
     let about = worker.open(address.package.as_deref(), &address.id)?;

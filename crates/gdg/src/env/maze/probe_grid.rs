@@ -10,9 +10,7 @@ use crate::map::{Cell, Grid};
 pub struct ProbeGrid {
     /// Cells along the side of a block.
     pub side: usize,
-    /// Blocks across.
     pub columns: usize,
-    /// Blocks down.
     pub rows: usize,
 }
 
@@ -31,7 +29,6 @@ impl ProbeGrid {
         grid
     }
 
-    /// Returns the number of blocks.
     pub fn places(&self) -> usize {
         self.columns * self.rows
     }

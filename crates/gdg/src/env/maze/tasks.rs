@@ -10,7 +10,6 @@ use crate::env::{
 };
 use crate::map::{Cell, Diameter, Grid, Ogbench, PointSearch, ScenarioTask, UNREACHABLE};
 
-/// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
 
 /// The farthest of these distances, as a share of the map's diameter.
@@ -216,7 +215,6 @@ impl Ogbench {
 /// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
 
-/// True step distances on a map.
 pub struct MazeGroundTruth<'a> {
     map: &'a Grid,
     /// The cells that pairs are drawn from.
@@ -231,7 +229,6 @@ impl<'a> MazeGroundTruth<'a> {
     }
 }
 
-/// Returns the position of a goal or a state.
 fn position(at: &[f32]) -> [f32; 2] {
     [at[0], at[1]]
 }

@@ -34,6 +34,11 @@ const SUM_BYTES: usize = 4;
 const LENGTH_BYTES: usize = 8;
 
 const PACKED: &str = "is damaged: its state cannot be unpacked";
+
+fn damaged() -> StoreError {
+    StoreError::inconsistent(PACKED)
+}
+
 const NO_HEADER: &str = "is not a safetensors file";
 const SIZE: &str = "is damaged: its size differs from what its header says";
 
@@ -81,18 +86,16 @@ pub fn from_bytes(bytes: &[u8], most: u64) -> Result<(Texts, Vec<u8>), StoreErro
     let mut state = Vec::new();
     while (state.len() as u64) < length {
         let part = (length - state.len() as u64).min(PART as u64);
-        let (stored, rest) =
-            packed.split_first_chunk().ok_or_else(|| StoreError::inconsistent(PACKED))?;
+        let (stored, rest) = packed.split_first_chunk().ok_or_else(damaged)?;
         let stored = u32::from_le_bytes(*stored) as usize;
-        let (own, rest) =
-            rest.split_at_checked(stored).ok_or_else(|| StoreError::inconsistent(PACKED))?;
+        let (own, rest) = rest.split_at_checked(stored).ok_or_else(damaged)?;
         let before = state.len() as u64;
         if stored as u64 == part {
             state.extend(own);
         } else {
             // Never more than expected, whatever the file says.
             let mut decoder = DeflateDecoder::new(own).take(part + 1);
-            decoder.read_to_end(&mut state).map_err(|_| StoreError::inconsistent(PACKED))?;
+            decoder.read_to_end(&mut state).map_err(|_| damaged())?;
         }
         StoreError::unless(state.len() as u64 == before + part, PACKED)?;
         packed = rest;
@@ -109,8 +112,7 @@ fn checked(bytes: &[u8], most: u64) -> Result<(Texts, u64, &[u8]), StoreError> {
     let is_sound = crc32fast::hash(all) == u32::from_le_bytes(*sum);
     StoreError::unless(is_sound, "is damaged: its checksum does not match its contents")?;
     let state = &all[8 + header(bytes)?.len()..];
-    let (length, packed) =
-        state.split_first_chunk().ok_or_else(|| StoreError::inconsistent(PACKED))?;
+    let (length, packed) = state.split_first_chunk().ok_or_else(damaged)?;
     let length = u64::from_le_bytes(*length);
     if length > most {
         let (length, most) = (length >> 20, most >> 20);

@@ -6,15 +6,23 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::bridge::{Guide, Walker};
-use crate::env::{EnvError, Environment, Episodes, Evaluated, Task};
+use crate::env::{EnvError, Environment, Episodes, Evaluated, StraightAction, Task};
 use crate::learn::Scratch;
+
+/// What the evaluated agents act by.
+#[derive(Clone, Copy)]
+pub enum Acts {
+    ByPolicy,
+    /// In random directions, each held for this mean number of steps.
+    AtRandom(f32),
+    Straight(StraightAction),
+}
 
 /// How the evaluated agents act.
 #[derive(Clone, Copy)]
 pub struct Actor<'a> {
     pub guide: Guide<'a>,
-    /// Mean number of steps a random direction is held, if agents act at random.
-    pub hold_steps: Option<f32>,
+    pub acts: Acts,
     /// Steps within which every goal has to be reached, instead of the task's own budget.
     pub max_steps: Option<u32>,
 }
@@ -57,27 +65,7 @@ pub fn run_tasks(
     watch: &mut dyn FnMut(&[f32], usize) -> bool,
 ) -> Result<TaskRuns, EnvError> {
     let at_once = world.abilities().evaluated.map_or(usize::MAX, Evaluated::tasks_at_once).max(1);
-    let (mut taken, mut last) = (Vec::new(), None);
-    for together in tasks.chunks(at_once) {
-        // Its agents can be used again.
-        drop(last.take());
-        let before = taken.len();
-        let mut watch = |states: &[f32], over: usize| watch(states, before + over);
-        let runs = run_together(world, together, actor, rng, &mut watch)?;
-        taken.extend(runs.taken);
-        last = Some(runs.env);
-    }
-    let env = last.map_or_else(|| world.fork(0), Ok)?;
-    Ok(TaskRuns { taken, env })
-}
-
-fn run_together(
-    world: &dyn Environment,
-    tasks: &[Task],
-    actor: &Actor,
-    rng: &mut ChaCha8Rng,
-    watch: &mut dyn FnMut(&[f32], usize) -> bool,
-) -> Result<TaskRuns, EnvError> {
+    let (tasks, rest) = tasks.split_at(at_once.min(tasks.len()));
     let mut env = world.fork(tasks.len())?;
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
     let (mut states, mut aims, mut chosen) = (Vec::new(), Vec::new(), Vec::new());
@@ -115,8 +103,8 @@ fn run_together(
         if active.is_empty() {
             break;
         }
-        match actor.hold_steps {
-            None => {
+        match actor.acts {
+            Acts::ByPolicy => {
                 states.clear();
                 aims.clear();
                 for agent in &mut active {
@@ -132,7 +120,10 @@ fn run_together(
                     actions[agent.row(a)].copy_from_slice(action);
                 }
             }
-            Some(hold_steps) => {
+            Acts::Straight(action) => active.iter().for_each(|agent| {
+                action(&env.states()[agent.row(s)], agent.goal, &mut actions[agent.row(a)]);
+            }),
+            Acts::AtRandom(hold_steps) => {
                 for agent in &active {
                     if clock == 0 || rng.random::<f32>() < 1.0 / hold_steps {
                         actions[agent.row(a)].fill_with(|| rng.random_range(-1.0..=1.0));
@@ -142,5 +133,14 @@ fn run_together(
         }
         env.step(&actions, rng)?;
     }
-    Ok(TaskRuns { taken, env })
+    if rest.is_empty() {
+        return Ok(TaskRuns { taken, env });
+    }
+    // Its agents can be used again.
+    drop(env);
+    let before = taken.len();
+    let mut watch = |states: &[f32], over: usize| watch(states, before + over);
+    let later = run_tasks(world, rest, actor, rng, &mut watch)?;
+    taken.extend(later.taken);
+    Ok(TaskRuns { taken, env: later.env })
 }

@@ -71,7 +71,8 @@ impl Trainer {
         let progress = self.job.part("applying the edit");
         let is_at = |stage| progress.begin(stage, EDIT_STAGES);
         is_at(0);
-        let editable = world.abilities().editable.ok_or(EnvError::NotEditable(world.kind()))?;
+        let fixed = || EnvError::Unfit(format!("the world {} cannot be edited", world.kind()));
+        let editable = world.abilities().editable.ok_or_else(fixed)?;
         let change = editable.change_from(self.world())?;
         is_at(1);
         self.rollout.enter_environment(fork_world(&self.run, world)?, &mut self.replay)?;
@@ -93,8 +94,6 @@ impl Trainer {
         self.candidates.forget(region, change.may_lengthen, |state| possible(state, &idle, state));
         if change.may_lengthen || transitions_restored > 0 {
             revisit(&self.replay, &mut self.candidates, spec, region, &progress);
-        }
-        if change.may_lengthen || transitions_restored > 0 {
             self.counters.relearns_until =
                 self.counters.updates.saturating_add(self.run.settings.learn.relearn_updates);
         }
@@ -256,13 +255,7 @@ impl Trainer {
 
 /// Lets the candidates visit again what the replay buffer has seen within their reach of `region`.
 /// Ends all episodes, and says how far it is.
-fn revisit(
-    replay: &Replay,
-    candidates: &mut Candidates,
-    spec: &Spec,
-    region: &Region,
-    progress: &Job,
-) {
+fn revisit(replay: &Replay, candidates: &mut Candidates, spec: &Spec, region: &Region, job: &Job) {
     let (mut seen, all) = (0, replay.len());
     let reach = candidates.reach();
     // An episode that begins where the agent's last one ended continues its trajectory.
@@ -289,7 +282,7 @@ fn revisit(
         }
         seen += 1;
         if seen % TOLD_EVERY == 0 {
-            progress.set(seen, all);
+            job.set(seen, all);
         }
         last[agent].clear();
         last[agent].extend(state);

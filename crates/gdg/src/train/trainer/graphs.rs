@@ -148,15 +148,14 @@ impl BuiltGraph {
         let checked = (CHECKED_PAIRS / graph.candidates().len().max(1)).max(MIN_CHECKED_GOALS);
         let distilled = graph.distil(DISTILLED_GOALS, checked, rng);
         let longest_steps = distilled.as_ref().map_or(0.0, DistancesByGoal::longest_steps);
-        Self {
-            at,
-            graph,
-            longest_steps,
-            edited: false,
-            distilled: distilled.map(Arc::new),
-            changed: None,
-            took: Duration::ZERO,
-        }
+        let distilled = distilled.map(Arc::new);
+        Self { distilled, edited: false, ..Self::edited(at, graph, longest_steps) }
+    }
+
+    /// Returns a graph whose distances are not known since an edit.
+    fn edited(at: u64, graph: Arc<BridgeGraph>, longest_steps: f32) -> Self {
+        let (distilled, changed, took) = (None, None, Duration::ZERO);
+        Self { at, graph, distilled, longest_steps, edited: true, changed, took }
     }
 
     fn stored(&self, due: u64) -> StoredBuild {
@@ -251,15 +250,8 @@ impl Trainer {
         let graph = current.graph.renewed(&never, &candidates, |i| near[i], &*policy, &mut scratch);
         let graph = Arc::new(graph);
         // Its distances are not known yet. Episodes stay as long as they were.
-        self.graphs.current = Some(BuiltGraph {
-            at: self.counters.updates,
-            graph: graph.clone(),
-            distilled: None,
-            longest_steps: current.longest_steps,
-            edited: true,
-            changed: None,
-            took: Duration::ZERO,
-        });
+        let (at, longest_steps) = (self.counters.updates, current.longest_steps);
+        self.graphs.current = Some(BuiltGraph::edited(at, graph.clone(), longest_steps));
         self.start_graph(EDIT_ACTIVATION_DIVISOR, graph, None)
     }
 
@@ -280,16 +272,7 @@ impl Trainer {
         let graph = Arc::new(BridgeGraph::restored(self.spec(), &self.run.bridge(), graph)?);
         if let Some(longest_steps) = edited {
             StoreError::unless((0.0..f32::INFINITY).contains(&longest_steps), misfit)?;
-            let (distilled, changed, took) = (None, None, Duration::ZERO);
-            return Ok(BuiltGraph {
-                at,
-                graph,
-                distilled,
-                longest_steps,
-                edited: true,
-                changed,
-                took,
-            });
+            return Ok(BuiltGraph::edited(at, graph, longest_steps));
         }
         let count = graph.candidates().len();
         let built = BuiltGraph::new(at, graph, &mut self.graph_rng(at));

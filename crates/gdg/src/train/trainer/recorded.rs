@@ -166,13 +166,20 @@ impl Trainer {
         is_lost.then(|| format!("warning: {file} {said}"))
     }
 
-    /// Returns what to tell the user of when a checkpoint is saved.
+    /// Looks for what users should be told now; returns whether there is anything.
+    pub(in crate::train) fn look_for_warnings(&mut self) -> bool {
+        self.warnings.extend(self.world().take_warnings());
+        !self.warnings.is_empty()
+    }
+
+    /// Returns what to tell the user of, now and when a checkpoint is saved.
     pub fn take_warnings(&mut self) -> Vec<String> {
-        let lost = self.lost_data();
-        if lost.is_some() {
+        self.look_for_warnings();
+        if let Some(lost) = self.lost_data() {
             self.own_replay();
+            self.warnings.push(lost);
         }
-        self.world().take_warnings().into_iter().chain(lost).collect()
+        std::mem::take(&mut self.warnings)
     }
 
     pub(super) fn save_replay(&self, store: &mut Store) -> Result<()> {
