@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::env::{MAX_MAGNITUDE, Spec};
 
-/// Contacts are looked for in at least this many steps that begin to move the achieved goal.
-const LEAST_BEGINNINGS: usize = 20;
+/// Contacts are looked for in at least this many steps that begin to move the achieved goal: the first
+/// ones are of few episodes, in which it is at the same place.
+const LEAST_BEGINNINGS: usize = 100;
 
 /// A component goes with the beginnings of moves if its variance there, once a component of the goal is
 /// accounted for, is at most this share of its variance everywhere.
