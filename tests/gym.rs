@@ -470,7 +470,7 @@ print(reached)";
 
 #[test]
 #[ignore = "needs Python with numpy and gymnasium"]
-fn a_disc_that_a_finger_pushes_is_learned_from_recordings() {
+fn a_disc_that_a_finger_pushes_is_learned_from_recordings_and_without() {
     let folder = tempfile::tempdir().unwrap();
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
     let record = Command::new(python())
@@ -480,14 +480,16 @@ fn a_disc_that_a_finger_pushes_is_learned_from_recordings() {
         .output()
         .unwrap();
     assert!(record.status.success(), "{}", stderr(&record));
-    let mut command = program(folder.path());
-    command.env("PYTHONPATH", &examples);
-    command.args(["--no-ui", "gym:contact:PushDisc-v0", "--data", "push.npz", "--python"]);
-    command.arg(python()).args(["--max-updates", "30000", "--eval-tasks", "20"]);
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", stderr(&output));
-    let last = records(&output, "evaluation").pop().unwrap();
-    assert!(last["planned"]["success"].as_f64().unwrap() >= 0.8, "{last}");
+    for data in [&["--data", "push.npz"][..], &[]] {
+        let mut command = program(folder.path());
+        command.env("PYTHONPATH", &examples);
+        command.args(["--no-ui", "gym:contact:PushDisc-v0", "--python"]).arg(python());
+        command.args(["--max-updates", "30000", "--eval-tasks", "20"]).args(data);
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        let last = records(&output, "evaluation").pop().unwrap();
+        assert!(last["planned"]["success"].as_f64().unwrap() >= 0.8, "{data:?}: {last}");
+    }
 }
 
 #[test]

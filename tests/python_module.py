@@ -29,7 +29,7 @@ GYM = {
 }
 
 
-def policy_file(arrays, **more):
+def policy_file(arrays, *contacts, **more):
     """Returns the bytes of a policy with a state of three numbers and one layer."""
     inputs = {
         "state_centre": [0, 0, 0],
@@ -37,6 +37,8 @@ def policy_file(arrays, **more):
         "achieved": [1, 2],
         "fourier_octaves": 1,
         "relative_rates": [1.0],
+        "contacts": contacts,
+        "contact_scales": [1.0, 2.0],
         "layers": 1,
         "grids": 0,
     }
@@ -74,6 +76,17 @@ class Module(unittest.TestCase):
     def test_actions_lie_within_their_bounds_where_there_are_some(self):
         policy = self.load(policy_file(actor([0.5, -0.5]), interface=GYM))
         np.testing.assert_allclose(policy([0, 1, 2], [3, 4]), [2.25, 3.5], atol=1e-6)
+
+    def test_actors_read_how_far_contacts_are_apart(self):
+        weights = actor([0, 0])
+        weights["layer0.weight"] = np.zeros((17, 4), "<f4")
+        # The second scale of the contact follows the state and its Fourier features.
+        weights["layer0.weight"][8, 0] = weights["output.weight"][1, 0] = 1
+        contact = {"other": 0, "goal": 2, "slope": 2.0, "offset": 0.5, "width": 0.25}
+        policy = self.load(policy_file(weights, contact))
+        apart = (5.75 - 2 * 2.5 - 0.5) / 0.25
+        expected = [0, np.tanh(np.tanh(apart / 2))]
+        np.testing.assert_allclose(policy([5.75, 1, 2.5], [3, 4]), expected, atol=1e-6)
 
     def test_observations_become_states_and_goals(self):
         plain = self.load(policy_file(actor([0, 0])))
