@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 270),
     ("settings", 395),
     ("map", 3_786),
-    ("env", 6_273),
+    ("env", 6_269),
     ("learn", 8_737),
     ("bridge", 3_918),
     ("train", 6_984),

@@ -131,13 +131,13 @@ impl EffectWatch {
         }
         let judged = std::mem::take(&mut self.recent);
         let what = match judged.has_moved {
-            false => "nothing that actions move has moved",
-            true if judged.is_lost() => "actions no longer lead where they led",
+            false => "nothing moves that actions moved",
+            true if judged.is_lost() => "actions do not lead where they led",
             true => return None,
         };
         let since = grouped(steps.saturating_sub(judged.steps as u64));
         let said = std::mem::replace(&mut self.has_said, true);
-        (!said).then(|| format!("warning: {}: {what} since about step {since}", world.title()))
+        (!said).then(|| format!("warning: {}: since about step {since}, {what}", world.title()))
     }
 }
 

@@ -141,17 +141,14 @@ impl EnvFacts {
         }
         let (first, second) = (try_again(worker, 1.0)?, try_again(worker, 1.0)?);
         let (was, is) = (&self.led_to, &second[second.len() - 1]);
-        let is_off = |(scale, column): &(&f32, &usize)| {
+        let scales = self.spec.change_scale.iter().zip(&self.columns).enumerate();
+        let mut off = scales.filter(|(_, (scale, column))| {
             let rounding = CONSTANT * was[**column].abs().max(1.0);
             (is[**column] - was[**column]).abs() > ELSEWHERE * **scale + rounding
-        };
-        let mut off = self.spec.change_scale.iter().zip(&self.columns).filter(is_off);
-        let off = off.next().filter(|_| first == second);
-        Ok(off.map(|(_, column)| {
-            let [was, is] = [was[*column], is[*column]];
-            format!(
-                "the same actions lead elsewhere than when the run began: to {is}, not to {was}"
-            )
+        });
+        Ok(off.next().filter(|_| first == second).map(|(i, (_, column))| {
+            let (was, is) = (was[*column], is[*column]);
+            format!("the same actions lead elsewhere than when the run began: component {i} is {is}, not {was}")
         }))
     }
 

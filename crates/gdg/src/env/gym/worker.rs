@@ -301,7 +301,7 @@ pub struct GymWorker {
 
 impl GymWorker {
     /// Opens the environment and describes it.
-    pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<EnvDescription> {
+    pub fn open(&mut self, package: Option<&str>, id: &str) -> Result<()> {
         let config = serde_json::json!({ "package": package.unwrap_or_default(), "id": id });
         self.send(Message::Open, config.to_string().as_bytes())?;
         let reply = self.answer(Message::Open, MAX_TEXT_BYTES)?;
@@ -312,7 +312,7 @@ impl GymWorker {
         self.about = found.filter(EnvDescription::is_sound).ok_or_else(|| {
             self.fail("its worker describes it in a way that makes no sense".to_owned())
         })?;
-        Ok(self.about.clone())
+        Ok(())
     }
 
     /// Creates environments until there are `count`.

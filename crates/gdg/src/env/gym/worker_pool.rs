@@ -134,10 +134,12 @@ impl Pool {
         kept: Option<(EnvFacts, EnvDescription)>,
     ) -> Result<(Self, EnvFacts)> {
         let job = Arc::default();
-        let (mut worker, about) = start(&address, options, &job)?;
+        let mut worker = start(&address, options, &job)?;
+        let about = worker.about.clone();
         let another = |why| failed(&address.id, why, Vec::new());
         let (found, warnings) = if let Some((found, was)) = kept {
             let mut changes = about.changes_since(&was).map_err(another)?;
+            found.check(&about)?;
             changes.extend(found.leads_elsewhere(&mut worker)?);
             (found, changes)
         } else {
@@ -198,9 +200,10 @@ impl Pool {
             enough.or_else(|| idle.len().checked_sub(1)).map(|i| idle.swap_remove(i))
         };
         let new = || {
-            let (worker, about) = start(&self.address, &self.options, &self.job)?;
+            let worker = start(&self.address, &self.options, &self.job)?;
             // Walls are those of the first look, whatever a later process says.
-            let about = EnvDescription { maze: self.about.maze.clone(), ..about };
+            let maze = self.about.maze.clone();
+            let about = EnvDescription { maze, ..worker.about.clone() };
             let files = about.changed_files(&self.about);
             let files = files.map(|files| files + " began: put back what was there");
             let why = files.or(about.changes_since(&self.about).err());
@@ -220,13 +223,9 @@ impl Drop for Pool {
 }
 
 /// Starts a worker and has it open its environment.
-fn start(
-    address: &Address,
-    options: &GymOptions,
-    job: &Arc<Mutex<Job>>,
-) -> Result<(GymWorker, EnvDescription)> {
+fn start(address: &Address, options: &GymOptions, job: &Arc<Mutex<Job>>) -> Result<GymWorker> {
     let (python, timeout) = (options.interpreter(), options.timeout);
     let mut worker = GymWorker::start(&python, &address.id, timeout, job.clone())?;
-    let about = worker.open(address.package.as_deref(), &address.id)?;
-    Ok((worker, about))
+    worker.open(address.package.as_deref(), &address.id)?;
+    Ok(worker)
 }
