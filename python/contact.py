@@ -5,7 +5,7 @@
     gdg-tui gym:contact:PushDisc-v0 --data push.npz
 
 It is an example of an environment of one's own in which something has to be touched first: the goal is where the disc
-is to lie, and most random steps do not move it. Without `--data`, agents find out by themselves, which takes longer.
+is to lie, and most random steps do not move it. Without `--data`, agents find out by themselves.
 """
 
 import sys
