@@ -21,20 +21,8 @@ use serde_json::Value;
 use crate::support::kill;
 
 /// Settings that keep a run small.
-const SMALL: [&str; 12] = [
-    "--set",
-    "hidden=16",
-    "--set",
-    "candidates=30",
-    "--set",
-    "buffer_size=20000",
-    "--set",
-    "learning_starts=200",
-    "--set",
-    "env_steps_per_update=8",
-    "--threads",
-    "1",
-];
+const SMALL: &str = "--set hidden=16 --set candidates=30 --set buffer_size=20000 --set learning_starts=200 \
+    --set env_steps_per_update=8 --threads 1";
 
 /// Steps after which something goes wrong: beyond those of the first look.
 const AFTER: &str = "900";
@@ -59,7 +47,7 @@ fn program(folder: &Path) -> Command {
 fn train(folder: &Path, name: &str, args: &[&str]) -> Command {
     let mut command = program(folder);
     command.args(["--no-ui", &format!("gym:awkward:{name}-v0")]);
-    command.arg("--python").arg(python()).args(SMALL).args(["--eval-tasks", "4"]).args(args);
+    command.arg("--python").arg(python()).args(words(SMALL)).args(["--eval-tasks", "4"]).args(args);
     command
 }
 
@@ -416,7 +404,10 @@ fn the_example_of_an_environment_of_ones_own_trains_and_its_tasks_are_far() {
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("python");
     let mut command = program(folder.path());
     command.env("PYTHONPATH", examples);
-    command.args(["--no-ui", "gym:thin_rooms:ThinRooms-v0", "--python"]).arg(python()).args(SMALL);
+    command
+        .args(["--no-ui", "gym:thin_rooms:ThinRooms-v0", "--python"])
+        .arg(python())
+        .args(words(SMALL));
     let output = command.args(["--max-updates", "60", "--eval-tasks", "3"]).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     let start = &records(&output, "start")[0]["gym"];
@@ -921,7 +912,7 @@ fn an_environment_whose_file_changes_during_a_run_is_not_evaluated_nor_a_job() {
     suite.env("PYTHONPATH", folder.path()).env("VIRTUAL_ENV", python().ancestors().nth(2).unwrap());
     suite
         .args(["suite", "gym:awkward:Point-v0", "--budget", "20", "--seeds", "1"])
-        .args(&SMALL[..8]);
+        .args(&words(SMALL)[..8]);
     let output = suite.output().unwrap();
     assert_says(&stderr(&output), "has changed since the experiment began");
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
@@ -1093,7 +1084,7 @@ fn files_in_the_present_folder_are_imported_only_as_the_package_that_is_named() 
         let mut command = program(folder.path());
         command.env_remove("PYTHONPATH").args(["--no-ui", world, "--python"]).arg(python());
         let args = ["--max-updates", "5", "--eval-tasks", "2", "--save", "run.safetensors"];
-        command.args(SMALL).args(args).output().unwrap()
+        command.args(words(SMALL)).args(args).output().unwrap()
     };
     let output = open("gym:my_package:Point-v0");
     assert!(output.status.success(), "{}", stderr(&output));
