@@ -268,7 +268,7 @@ class Tells(Point):
 
     def step(self, action):
         is_near = np.linalg.norm(self.at - self.goal) < 2 * RADIUS
-        return (*super().step(action)[:4], {"is_success": is_near})
+        return (*super().step(action)[:4], {"is_success": np.array([is_near])})
 
 
 class Global(Point):

@@ -13,6 +13,9 @@ pub type RecordedStep<'a> = [&'a [f32]; 3];
 const DIRECT: f64 = 0.6;
 const UNRELATED: f64 = 0.1;
 
+/// What goes with it no more closely than this, over half of [`JUDGED_STEPS`], goes the other way.
+const REVERSED: f64 = -0.3;
+
 /// What differs by no more than this share of its size is constant.
 const ROUNDING: f64 = 1e-9;
 
@@ -102,6 +105,14 @@ impl Agreement {
         let known: Vec<f64> = self.sums.iter().filter_map(Sums::correlation).collect();
         2 * known.iter().filter(|known| **known < UNRELATED).count() > known.len()
     }
+
+    /// Returns the component that goes the other way, if one does.
+    pub fn reversed(&self, effects: &[DirectEffect]) -> Option<usize> {
+        let is_reversed = |sums: &Sums| sums.correlation().is_some_and(|known| known < REVERSED);
+        let at =
+            self.sums.iter().position(is_reversed).filter(|_| self.steps >= JUDGED_STEPS / 2)?;
+        Some(effects[at].component)
+    }
 }
 
 /// Watches whether actions still do what they did in the first look.
@@ -132,7 +143,9 @@ impl EffectWatch {
         let judged = std::mem::take(&mut self.recent);
         let what = match judged.has_moved {
             false => "nothing moves that actions moved",
-            true if judged.is_lost() => "actions do not lead where they led",
+            true if judged.is_lost() || judged.reversed(look.effects).is_some() => {
+                "actions do not lead where they led"
+            }
             true => return None,
         };
         let since = grouped(steps.saturating_sub(judged.steps as u64));

@@ -97,6 +97,14 @@ fn otherwise((_, look): &Judge, steps: &[Step]) -> Option<String> {
     agreement.is_lost().then(|| said.to_owned())
 }
 
+/// Says that something goes the other way in the whole file, which the few steps of a part do not show.
+fn reversed(look: FirstLook, steps: &[Step]) -> Option<String> {
+    let mut agreement = Agreement::default();
+    steps.iter().for_each(|(_, step)| agreement.add(look.effects, *step));
+    let at = agreement.reversed(look.effects)?;
+    Some(format!("actions move component {at} the other way than here: they may be negated"))
+}
+
 /// Says that actions seem to be in the environment's own unit.
 fn unscaled(look: FirstLook, steps: &[Step]) -> Option<String> {
     let bounds = look.low.iter().zip(look.high).enumerate();
@@ -129,14 +137,18 @@ impl Dataset {
                     said.push(place(odd.iter().map(|(part, _)| *part), share) + text);
                 }
             }
+            said.extend(reversed(look, &steps));
             said.extend(unscaled(look, &steps));
         }
-        let is_same = |(_, [_, action, _]): &Step| *action == steps[0].1[1];
+        let first = steps.first().map_or(&[][..], |(_, [_, action, _])| action);
+        let is_always = |i: usize, v: f32| steps.iter().all(|(_, [_, action, _])| action[i] == v);
+        let constant = first.iter().enumerate().find(|(i, v)| is_always(*i, **v));
+        let text = |(i, v)| format!("component {i} of its actions is always {}", v + 0.0);
+        said.extend(constant.map(text));
         let all = self.source().transitions;
         let endless = format!("no row ends an episode: all {all} transitions are taken for one");
         let others = [
             (self.ends_are_off(), "most episodes begin or end with a leap: ends may be a row off"),
-            (steps.iter().all(is_same), "all its actions are the same"),
             (self.is_endless, &endless),
         ];
         said.extend(others.into_iter().filter(|(is, _)| *is).map(|(_, text)| text.to_owned()));

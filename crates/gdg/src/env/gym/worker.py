@@ -292,7 +292,7 @@ def step(slot, action):
         Slot.draws = Slot.draws or drawn(before, slot.generators)
     slot.ended = bool(terminated or truncated)
     told = info.get("is_success", info.get("success")) if isinstance(info, dict) else None
-    slot.told = 4 + 8 * bool(told) if np.ndim(told) == 0 and told is not None else 0
+    slot.told = 4 + 8 * bool(told) if np.size(told) == 1 and told is not None else 0
     return observation
 
 
