@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 856),
     ("headless", 957),
     ("experiment", 5_679),
-    ("tui", 19_386),
+    ("tui", 19_408),
     ("cli", 644),
     ("commands", 998),
 ];

@@ -133,8 +133,15 @@ impl Saver {
         is_asked
     }
 
-    /// Saves the run, and then does something else unless that fails.
+    /// Saves the run, and then does something else unless that fails; to another file if the run's own
+    /// is to be loaded as it was.
     pub fn save_then(&mut self, then: Choice, cx: &mut Cx) {
+        let own = self.to.path();
+        if let Choice::LoadUnsaved(path) = &then
+            && same_file::is_same_file(path, own).is_ok_and(|is_own| is_own)
+        {
+            self.to = SaveTo::CreateNew(unused_path(own));
+        }
         self.then = Some(then).filter(|_| self.save(cx));
     }
 

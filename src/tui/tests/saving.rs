@@ -305,6 +305,21 @@ fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
 }
 
 #[test]
+fn a_runs_own_file_is_not_replaced_before_it_is_loaded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [own, other] = ["own", "other"].map(|name| folder.path().join(name));
+    for (loaded, is_replaced) in [(&own, false), (&other, true)] {
+        std::fs::write(loaded, "").expect("written");
+        let mut app = staged_app(80, 24);
+        app.saver.to = SaveTo::Replace(own.clone());
+        app.choose(Choice::SaveFirst(Box::new(Choice::LoadUnsaved(loaded.clone()))));
+        let sent: Vec<EngineCommand> = app.commands.try_iter().collect();
+        let [EngineCommand::Save(to, _)] = &sent[..] else { panic!("a save first") };
+        assert_eq!(to.path() == own, is_replaced);
+    }
+}
+
+#[test]
 fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
     let start =
