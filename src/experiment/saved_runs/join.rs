@@ -183,7 +183,7 @@ mod tests {
         let evaluation = |thousands: &u64| EvaluationAt {
             updates: 1_000 * thousands,
             env_steps: 0,
-            // It tells the parts apart.
+            // Each part has its own.
             seconds: begun as f64,
             evaluation: Evaluation { greedy: score.clone(), ..Evaluation::default() },
         };

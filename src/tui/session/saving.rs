@@ -11,7 +11,7 @@ use super::{Cx, Session};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::logging;
 use crate::process::waiting::{TWICE, Waiting};
-use crate::setup::outputs::{elsewhere, to_elsewhere};
+use crate::setup::outputs::{elsewhere, is_same_file, to_elsewhere};
 use crate::setup::saves::{SAVES, resume_command};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::interface::ClosedRun;
@@ -138,7 +138,7 @@ impl Saver {
     pub fn save_then(&mut self, then: Choice, cx: &mut Cx) {
         let own = self.to.path();
         if let Choice::LoadUnsaved(path) = &then
-            && same_file::is_same_file(path, own).is_ok_and(|is_own| is_own)
+            && is_same_file(path, own)
         {
             self.to = SaveTo::CreateNew(unused_path(own));
         }

@@ -123,8 +123,8 @@ pub struct EffectWatch {
 }
 
 impl EffectWatch {
-    /// Adds a round of agents' steps, after so many `steps` of the run; says, once, that actions have no
-    /// effect any more.
+    /// Adds one step of every agent, made before the run's step number `steps`. Returns a warning the
+    /// first time that actions no longer do what they did.
     pub fn note(
         &mut self,
         world: &dyn Environment,

@@ -27,7 +27,7 @@ use crate::learn::data::graph_paths::follow_graph;
 use crate::learn::data::hard_pairs::{imagine_walks, short_pairs};
 use crate::learn::error::LearnError;
 use crate::learn::learner::{Acting, Learner, LearnerKind, TrainingData};
-use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::encoder::CONTACT_SCALES;
 use crate::learn::networks::named_arrays::{ActorExport, CriticsExport};
 use crate::learn::networks::policy::{Frozen, Nets, Policy, Scratch};
 use crate::learn::networks::rescale;
@@ -323,10 +323,9 @@ impl Learner for NetworkLearner {
             if shapes.returns.is_none() && k == shapes.critics {
                 rescale::outputs(store, name, network.dense.mlp, specs);
             }
-            let columns =
-                Encoder { spec: spec.clone(), ..shapes.encoder.clone() }.contact_columns();
-            let read = shapes.encoder.contact_columns().end;
-            rescale::widen(store, name, network.dense.mlp, read.min(columns.end)..columns.end);
+            let read = shapes.encoder.contact_columns();
+            let end = read.start + spec.contacts.len() * CONTACT_SCALES.len();
+            rescale::widen(store, name, network.dense.mlp, read.end..end);
         }
         Ok(())
     }

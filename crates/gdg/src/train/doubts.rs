@@ -89,19 +89,21 @@ fn short(judge: &Judge, steps: &[Step]) -> Option<String> {
     changes.first().filter(|_| are_short).map(changed)
 }
 
-fn otherwise((_, look): &Judge, steps: &[Step]) -> Option<String> {
+fn agreement(look: &FirstLook, steps: &[Step]) -> Agreement {
     let mut agreement = Agreement::default();
     steps.iter().for_each(|(_, step)| agreement.add(look.effects, *step));
+    agreement
+}
+
+fn otherwise((_, look): &Judge, steps: &[Step]) -> Option<String> {
     let said = "actions do not lead where they lead here: rows may be shifted or reversed, actions \
                 negated or in another order";
-    agreement.is_lost().then(|| said.to_owned())
+    agreement(look, steps).is_lost().then(|| said.to_owned())
 }
 
 /// Says that something goes the other way in the whole file, which the few steps of a part do not show.
 fn reversed(look: FirstLook, steps: &[Step]) -> Option<String> {
-    let mut agreement = Agreement::default();
-    steps.iter().for_each(|(_, step)| agreement.add(look.effects, *step));
-    let at = agreement.reversed(look.effects)?;
+    let at = agreement(&look, steps).reversed(look.effects)?;
     Some(format!("actions move component {at} the other way than here: they may be negated"))
 }
 

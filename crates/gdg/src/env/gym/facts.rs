@@ -282,8 +282,8 @@ fn too_fine(spec: &Spec) -> Option<String> {
     })
 }
 
-/// Walks at random for an episode, of so many steps at most by actions of this size; returns rows and
-/// the actions between them.
+/// Takes random actions of at most this size for an episode of at most so many steps; returns the rows
+/// and the actions between them.
 fn walk(
     worker: &mut GymWorker,
     rng: &mut ChaCha8Rng,

@@ -21,8 +21,8 @@ use crate::learn::networks::shapes::Shapes;
 /// ```
 ///
 /// where `C(s)` is `tanh(apart / (width * c))` for each contact and each of its scales c, with `apart =
-/// state[other] - slope * state[goal] - offset`, `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi p), ...`, `fourier_octaves` pairs
-/// for each component, the relative inputs list all rates of one component before the next, and `G`
+/// state[other] - slope * state[goal] - offset`, `F(p)` is `sin(pi p), cos(pi p), sin(2 pi p), cos(2 pi
+/// p), ...`, `fourier_octaves` pairs for each component, the relative inputs list all rates of one component before the next, and `G`
 /// reads the grids, if there are any. Then `x = max(0, x @ layerI.weight + layerI.bias)` for each
 /// layer, and the action is `tanh(output.weight @ x + output.bias)`. The Python module `gdg_tui` does
 /// this in numpy.
@@ -38,8 +38,8 @@ pub struct ActorExport {
 ///
 /// Critic k is named `criticK.` and has the inputs of the actor; with z its output, its D is
 /// `distance_scale * ln(1 + exp(z))`. D of two critics is `max(a, b) - (1 - pessimism) / 2 * |a -
-/// b|`. The input of `model.` is `[u | F(u_a) | C(s) | G(u_a) | action]`; with z its output, the next state
-/// is `state + change_scale * z`.
+/// b|`. The input of `model.` is `[u | F(u_a) | C(s) | G(u_a) | action]`; with z its output, the next
+/// state is `state + change_scale * z`.
 #[derive(Clone, Debug)]
 pub struct CriticsExport {
     /// The weights, each network's named as the actor's after the network's own name.

@@ -47,12 +47,10 @@ pub fn inputs(store: &mut Store, name: &str, mlp: Mlp, [before, now]: [&Spec; 2]
 /// which has not read them so far: outputs are the same.
 pub fn widen(store: &mut Store, name: &str, mlp: Mlp, columns: Range<usize>) {
     for part in PARAMETERS.into_iter().chain(MOMENTS.map(|(part, _)| part)) {
-        if let Ok(numbers) = store.numbers(&format!("{name}.{part}")) {
-            let (before, after) = numbers.split_at(columns.start * mlp.hidden);
-            let zeros = vec![0.0; columns.len() * mlp.hidden];
-            let wider = [before, &zeros, after].concat();
-            store.put_numbers(format!("{name}.{part}"), wider);
-        }
+        change(store, name, part, |numbers| {
+            let at = columns.start * mlp.hidden;
+            numbers.splice(at..at, vec![0.0; columns.len() * mlp.hidden]);
+        });
     }
 }
 
@@ -76,7 +74,7 @@ pub fn outputs(store: &mut Store, name: &str, mlp: Mlp, [before, now]: [&Spec; 2
 }
 
 /// Changes a part of a saved network, if it has it.
-fn change(store: &mut Store, name: &str, part: &str, change: impl FnOnce(&mut [f32])) {
+fn change(store: &mut Store, name: &str, part: &str, change: impl FnOnce(&mut Vec<f32>)) {
     let name = format!("{name}.{part}");
     if let Ok(numbers) = store.numbers(&name) {
         let mut numbers = numbers.to_vec();
