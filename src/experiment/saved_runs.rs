@@ -99,7 +99,6 @@ pub enum RunKind {
     Damaged,
 }
 
-/// What has become of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunState {
     Done,

@@ -27,7 +27,6 @@ pub struct TrainedElsewhere {
     checkpoint: PathBuf,
     /// The version of the checkpoint that is shown, or being opened.
     shown: Option<Stamp>,
-    /// When it was opened.
     opened: Instant,
     seen: watch::Receiver<Seen>,
 }

@@ -135,7 +135,6 @@ pub fn format_for(path: &Path) -> &'static MapFormat {
     if parse(&source).is_ok() { MapFormat::of(&source) } else { of_name }
 }
 
-/// Reads a scenario, for any map.
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
     let parsed = read_file(path, "scenario")
         .and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
