@@ -12,8 +12,10 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::spec::{JobResult, JobSpec};
+use crate::figure::{table_behind, text_with_sums};
 use crate::setup::outputs::elsewhere;
 use gdg::files::{self, FileFormat, LockFile, Mismatch, Wanted, has_extension, is_hidden};
+use gdg::printing::eprint_line;
 use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};
 
@@ -89,6 +91,17 @@ impl Folder {
         let path = self.path(name);
         let written = files::write_atomically(&path, bytes).into_diagnostic();
         written.wrap_err_with(|| path.display().to_string())
+    }
+
+    /// Writes the report, unless the one there is not as this program has written it, which is said.
+    pub fn write_report(&self, text: String) -> Result<(), Report> {
+        let path = self.path("report.md");
+        if path.exists() && table_behind(&path).is_none() {
+            let why = "not as gdg-tui has written it, so it is left as it is";
+            eprint_line(&format!("{}: {why}: move it away to have a new one", path.display()));
+            return Ok(());
+        }
+        self.write("report.md", &text_with_sums(text.into_bytes(), b""))
     }
 
     pub fn checkpoint(&self, job: &JobSpec) -> PathBuf {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::folder::Folder;
 use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
-use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet, table_behind};
+use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, MOST_BYTES, Sheet, table_behind};
 use crate::process::waiting::Waiting;
 use crate::setup::outputs::{refuse_existing, write_file};
 use gdg::files::{named, read};
@@ -22,9 +22,6 @@ pub use lines::{Grouping, Points, SeedCurves, table};
 
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
-
-/// Largest figure or table that is recognised as one of this program.
-const MOST_BYTES: u64 = 64 << 20;
 
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
@@ -277,13 +274,12 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
 /// Rejects figures that are there but not as this program has made them, and a table that is none
 /// behind a figure beside it.
 fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(), Report> {
-    let behind = |figure: &Path| table_behind(&read(figure, MOST_BYTES).ok()?);
     for path in figures {
-        refuse_existing(path, overwrite || behind(path).is_some())?;
+        refuse_existing(path, overwrite || table_behind(path).is_some())?;
     }
     let found = read(table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
     let beside = FigureFormat::ALL.map(|format| table.with_extension(format.extension()));
-    let mut known = beside.iter().chain(figures).map(|figure| behind(figure));
+    let mut known = beside.iter().chain(figures).map(|figure| table_behind(figure));
     refuse_existing(table, overwrite || found.is_some() && known.any(|known| known == found))
 }
 
