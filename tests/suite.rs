@@ -441,13 +441,14 @@ fn what_another_process_runs_is_named() {
 fn files_of_others_are_not_replaced() {
     let place = Place::new();
     std::fs::create_dir_all(place.path("out/pictures")).unwrap();
-    std::fs::write(place.path("out/pictures/mine.png"), "mine").unwrap();
-    let ran = place.run(&["maps/open.map", "--seeds", "1", "--out", "out"]);
-    assert_eq!(ran.status, Some(2), "{}", ran.err);
-    has_parts(
-        &ran.err,
-        &["pictures: was not written by gdg-tui and is not replaced", "a folder of its own"],
-    );
+    let files = ["report.md", "success.csv", "pictures/mine.png"];
+    let files = files.map(|name| place.path("out").join(name));
+    files.iter().for_each(|file| std::fs::write(file, "mine").unwrap());
+    let ran = place.run(&["maps/open.map", "--budget", "30", "--out", "out"]);
+    assert_eq!(ran.status, Some(0), "{}", ran.err);
+    has_parts(&ran.err, &["report.md: not as gdg-tui has written it", "success.csv: the file"]);
+    assert!(files.iter().all(|file| std::fs::read_to_string(file).unwrap() == "mine"));
+    assert!(!place.path("out/success.svg").exists(), "no figure without its table");
 }
 
 #[cfg(target_os = "linux")]

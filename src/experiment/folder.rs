@@ -13,7 +13,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::spec::{JobResult, JobSpec};
 use crate::figure::{table_behind, text_with_sums};
-use crate::setup::outputs::elsewhere;
+use crate::setup::outputs::{elsewhere, write_file};
 use gdg::files::{self, FileFormat, LockFile, Mismatch, Wanted, has_extension, is_hidden};
 use gdg::printing::eprint_line;
 use gdg::text::{escape_json_line, sanitized};
@@ -25,10 +25,6 @@ const MOVE_AWAY: &str = "move it away, or give --out another folder";
 
 const FORMATS: &[FileFormat] = &[FileFormat::Json, FileFormat::Text];
 const RESULT: Wanted = Wanted { name: "the result of a job", help: MOVE_AWAY, own: FORMATS };
-
-/// What experiments write besides `jobs`.
-const REPORTS: [&str; 6] =
-    ["report.md", "success.svg", "success.csv", "pictures", "data", "figures"];
 
 pub fn read_result(path: &Path) -> Result<JobResult, Report> {
     let problem =
@@ -50,21 +46,8 @@ pub fn read_result(path: &Path) -> Result<JobResult, Report> {
 pub struct Folder(pub PathBuf);
 
 impl Folder {
-    /// Checks that it can be written to, and creates it if needed; refuses a folder that has never
-    /// had jobs but already contains what would be replaced.
+    /// Checks that it can be written to.
     pub fn check_writable(&self) -> Result<(), Report> {
-        let is_used = |path: &PathBuf| {
-            path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some())
-        };
-        if !self.0.join("jobs").exists()
-            && let Some(other) = REPORTS.map(|name| self.0.join(name)).into_iter().find(is_used)
-        {
-            let (help, other) = ("give --out a folder of its own", other.display());
-            return Err(miette!(
-                help = help,
-                "{other}: was not written by gdg-tui and is not replaced"
-            ));
-        }
         ["report.md", "jobs/NAME.json"].map(|name| self.0.join(name)).iter().try_for_each(|path| {
             files::check_writable(path).map_err(|error| {
                 let (help, path) = ("give --out a writable folder", path.display());
@@ -88,9 +71,7 @@ impl Folder {
     }
 
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
-        let path = self.path(name);
-        let written = files::write_atomically(&path, bytes).into_diagnostic();
-        written.wrap_err_with(|| path.display().to_string())
+        write_file(&self.path(name), bytes).map(drop)
     }
 
     /// Writes the report, unless the one there is not as this program has written it, which is said.

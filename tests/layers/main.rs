@@ -37,9 +37,9 @@ const LIBRARY: [Room; 15] = [
 const PROGRAM: [Room; 8] = [
     ("process", 676),
     ("setup", 850),
-    ("figure", 856),
+    ("figure", 855),
     ("headless", 957),
-    ("experiment", 5_679),
+    ("experiment", 5_668),
     ("tui", 19_408),
     ("cli", 644),
     ("commands", 998),
