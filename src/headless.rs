@@ -1,8 +1,8 @@
 //! Training without the interface: JSON lines on standard output, a progress bar on standard error.
 
-mod metrics;
+pub mod metrics;
 mod progress;
-mod records;
+pub mod records;
 
 use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -28,7 +28,7 @@ use gdg::train::{
     self, EndReason, EvaluateAt, Evaluation, Moment, Recovery, SaveTo, Schedule, Trainer,
     TrainingEvent, TrainingLoop,
 };
-use metrics::MetricsTable;
+use metrics::MetricsFile;
 use progress::Progress;
 use records::Record;
 
@@ -59,7 +59,7 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job().clone());
     let saver = setup.save.clone().map(CheckpointSaver::new);
-    let open = |path| MetricsTable::open(path, options.overwrite, &setup);
+    let open = |path| MetricsFile::open(path, options.overwrite, &setup);
     let table = match options.table.as_deref().map(open).transpose() {
         Ok(table) => table,
         Err(error) => {
@@ -136,7 +136,7 @@ struct HeadlessRun<'a> {
     options: &'a HeadlessOptions,
     progress: Progress,
     saver: Option<CheckpointSaver>,
-    table: Option<MetricsTable>,
+    table: Option<MetricsFile>,
     termination: TerminationSignal,
     /// The updates that it had before.
     begun_at: u64,
@@ -195,7 +195,7 @@ impl HeadlessRun<'_> {
                 }
                 TrainingEvent::Progress => {
                     print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
-                    self.table.iter_mut().for_each(|table| table.add(trainer, None));
+                    self.table.iter_mut().for_each(|table| table.write(trainer, false));
                 }
                 TrainingEvent::Edit => {
                     let made = trainer.make_edit().into_diagnostic()?;
@@ -247,6 +247,7 @@ impl HeadlessRun<'_> {
 
     fn save(&mut self) -> Result<(), Report> {
         let trainer = &mut self.setup.trainer;
+        self.table.iter_mut().for_each(|table| table.write(trainer, true));
         let Some(saver) = &mut self.saver else { return Ok(()) };
         let saved = saver.save(trainer);
         trainer.take_recovery().map_or(Ok(()), report_recovery)?;
@@ -292,7 +293,7 @@ impl HeadlessRun<'_> {
             eprint_line("the evaluation has no tasks, so there is no success rate");
         }
         print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
-        self.table.iter_mut().for_each(|table| table.add(&self.setup.trainer, Some(&evaluation)));
+        self.table.iter_mut().for_each(|table| table.write(&self.setup.trainer, true));
         Ok(Some(Ok(evaluation)))
     }
 }

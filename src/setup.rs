@@ -32,7 +32,6 @@ pub struct Setup {
     pub threads: Threads,
     /// Limits of the run; seconds count from the start of training.
     pub limits: Limits,
-    /// Where to save the run, if given.
     pub save: Option<SaveTo>,
     /// The checkpoint that the run was resumed from.
     pub resumed: Option<PathBuf>,

@@ -78,7 +78,6 @@ use session::Session;
 pub use session::elsewhere::TrainedElsewhere;
 use terminal::TerminalStage;
 
-/// How the interface is shown.
 #[derive(Clone, Debug, clap::Args)]
 pub struct InterfaceOptions {
     /// Configuration file for theme, keys etc., instead of the default one

@@ -97,8 +97,7 @@ pub struct TrainArgs {
     #[arg(long)]
     pub overwrite: bool,
 
-    /// Also write the metrics of progress and evaluations to this file as CSV; a resumed run goes
-    /// on in its own table
+    /// Also write losses and evaluations, from the beginning of the run, to this file as CSV
     #[arg(long, value_name = "FILE", requires = "no_ui", value_parser = output())]
     pub csv: Option<PathBuf>,
 

@@ -65,7 +65,7 @@ pub fn prepare(
         .map(|path| save_to(path, resumed.as_deref(), args.overwrite))
         .transpose()?;
     if let Some(path) = &args.csv {
-        // A resumed run continues its own table.
+        // A resumed run replaces its own table, and leaves another one alone.
         refuse_existing(path, args.overwrite || resumed.is_some())?;
         refuse_input("--csv", path, inputs(args, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {

@@ -38,7 +38,6 @@ const SHORT: f64 = 0.1;
 /// Least time between two lines about evaluations; the last one of each job is always printed.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
 
-/// Which jobs run, how, and where.
 #[derive(Clone, Debug, Args)]
 pub struct JobOptions {
     /// Folder for jobs, their checkpoints, results and the report [default: saves/ and the command]

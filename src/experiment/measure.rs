@@ -40,7 +40,6 @@ pub struct Measured {
 /// Success rate on tasks drawn at random, with planning if the method plans.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RandomTasks {
-    /// From anywhere to anywhere.
     pub anywhere: f64,
     /// From anywhere to goals as training draws them, which are near ones with the probability
     /// `near_goals`.

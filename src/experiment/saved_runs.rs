@@ -19,6 +19,7 @@ use serde_json::{Map, Value, json};
 
 use super::folder::read_result;
 use super::spec::{EvaluationAt, JobResult, eval_tasks, evaluations, setting_text};
+use crate::headless::records::Progress;
 use crate::process::errors::from_checkpoint_error;
 use crate::setup::saves::{ago, files_in, rate};
 use gdg::files::{has_extension, is_hidden};
@@ -26,7 +27,7 @@ use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
 pub use join::whole;
-pub use read_records::{Progress, RecordsReader};
+pub use read_records::RecordsReader;
 pub use reader::{FoundRuns, RunReader, checkpoints_below};
 
 /// Records that have not grown for this long are not of a running run.
@@ -98,7 +99,6 @@ pub enum RunKind {
     Damaged,
 }
 
-/// What has become of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunState {
     Done,

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::measure::Measured;
 use super::plan::{JobData, JobPlan, Length};
+pub use crate::headless::records::EvaluationAt;
 use crate::setup::find_maps::find_map;
 use gdg::env::{Environment, PointMaze};
 use gdg::map::{Grid, MapScale, Reading, fingerprint, print_ascii, with_start};
@@ -251,29 +252,6 @@ pub struct JobResult {
     /// Further measurements at the end, if the job's plan asks for any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
-}
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EvaluationAt {
-    pub updates: u64,
-    /// Environment steps before it, summed over all agents.
-    pub env_steps: u64,
-    /// Training time before it.
-    pub seconds: f64,
-    #[serde(flatten)]
-    pub evaluation: Evaluation,
-}
-
-impl EvaluationAt {
-    /// Whether its numbers can be: somebody may have edited the file.
-    pub fn is_possible(&self) -> bool {
-        let Evaluation { greedy, planned, coverage, distance_error, .. } = &self.evaluation;
-        let mut rates = [greedy].into_iter().chain(planned).filter_map(|score| score.success);
-        rates.all(|rate| (0.0..=1.0).contains(&rate))
-            && coverage.is_none_or(|share| (0.0..=1.0).contains(&share))
-            && distance_error.as_ref().is_none_or(|error| error.mape >= 0.0)
-            && self.seconds >= 0.0
-    }
 }
 
 impl JobResult {

@@ -1,30 +1,23 @@
-//! The metrics of a run as CSV: a line per progress record and per evaluation.
+//! The metrics of a run as CSV: a line per evaluation, and per point of the curves of losses and coverage.
 
-use std::fs::{File, TryLockError};
-use std::io::{Seek, SeekFrom, Write};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-use miette::{IntoDiagnostic, Report, WrapErr, miette};
+use miette::{IntoDiagnostic, Report, WrapErr};
 
-use super::{PROGRESS_EVERY_UPDATES, updates_per_second};
 use crate::setup::Setup;
-use crate::setup::outputs::{create, refuse_existing};
 use gdg::files;
-use gdg::learn::Losses;
 use gdg::printing::eprint_line;
-use gdg::text::{counted, grouped};
-use gdg::train::{Evaluation, Trainer};
+use gdg::train::{CurvePoint, Evaluation, Methods, Moment, Run, Trainer};
 
 /// Columns of every line.
-const PROGRESS: &str = "event,seconds,updates,env_steps,episodes,updates_per_second,critic_loss,\
-                        model_loss,actor_loss";
-const COLUMNS: usize = 9;
+const CURVES: &str = "event,seconds,updates,env_steps,critic_loss,model_loss,actor_loss,coverage";
 
 type Metric = fn(&Evaluation) -> Option<f64>;
 
 /// Columns of evaluations, besides success at each distance.
-const EVALUATION: [(&str, Metric); 12] = [
-    ("coverage", |found| found.coverage),
+const EVALUATION: [(&str, Metric); 11] = [
     ("greedy_success", |found| found.greedy.success),
     ("greedy_spl", |found| found.greedy.spl),
     ("planned_success", |found| found.planned.as_ref()?.success),
@@ -44,205 +37,154 @@ const EVALUATION: [(&str, Metric); 12] = [
 /// Distances at which tasks are evaluated, at most.
 const DISTANCES: usize = 6;
 
-/// Size limit of a table that a resumed run continues.
-const MAX_BYTES: u64 = 1 << 30;
+/// Minimum time between two looks at the run while it trains.
+const INTERVAL: Duration = Duration::from_secs(10);
 
-/// Returns the first line. No name and no number contains a comma.
+/// Size limit of a table that may be replaced: no history makes a larger one.
+const MAX_BYTES: u64 = 1 << 26;
+
+/// What a table is made of: curves, evaluations, when those were made if it is known, and methods.
+pub struct Curves<'a> {
+    pub points: &'a [CurvePoint],
+    pub evaluations: &'a [(u64, Evaluation)],
+    pub moment: &'a dyn Fn(usize) -> Option<Moment>,
+    pub methods: &'a Methods,
+    pub run: &'a Run,
+}
+
+impl Curves<'_> {
+    /// Returns the table. No name and no number contains a comma.
+    pub fn table(&self) -> String {
+        let none = vec![String::new(); EVALUATION.len() + 2 * DISTANCES];
+        let line = |updates: u64, [event, seconds, env_steps]: [String; 3], cells: Vec<String>| {
+            let method = self.methods.name(updates).map(str::to_owned);
+            let method = method.unwrap_or_else(|| self.run.method.name());
+            let cells = [&[event, seconds, updates.to_string(), env_steps], &cells[..], &[method]];
+            (updates, cells.concat().join(",") + "\n")
+        };
+        let points = self.points.iter().map(|point| {
+            let losses = point.losses.iter().map(f32::to_string);
+            let cells = losses.chain([number(point.coverage)]).chain(none.clone());
+            line(point.updates, ["progress".into(), String::new(), String::new()], cells.collect())
+        });
+        let evaluations = self.evaluations.iter().enumerate().map(|(i, (updates, found))| {
+            let made = (self.moment)(i);
+            let seconds = made.map_or(String::new(), |made| format!("{:.3}", made.seconds));
+            let scores = [Some(&found.greedy), found.planned.as_ref()];
+            let by_distance = scores
+                .into_iter()
+                .flat_map(|score| (0..DISTANCES).map(move |i| score?.by_distance.get(i)?.success));
+            let cells = [None, None, None, found.coverage].into_iter();
+            let cells = cells.chain(EVALUATION.map(|(_, metric)| metric(found))).chain(by_distance);
+            let steps = number(made.map(|made| made.env_steps));
+            line(*updates, ["evaluation".into(), seconds, steps], cells.map(number).collect())
+        });
+        let mut lines: Vec<(u64, String)> = points.chain(evaluations).collect();
+        lines.sort_by_key(|(updates, _)| *updates);
+        head() + &lines.into_iter().map(|(_, line)| line).collect::<String>()
+    }
+}
+
 fn head() -> String {
-    let names = PROGRESS.split(',').chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
+    let names = CURVES.split(',').chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
     let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
-    names.chain(at("greedy")).chain(at("planned")).collect::<Vec<_>>().join(",")
+    let names = names.chain(at("greedy")).chain(at("planned")).chain(["method".to_owned()]);
+    names.collect::<Vec<_>>().join(",") + "\n"
 }
 
-/// The table, while it is written.
-pub struct MetricsTable {
-    /// Where it was opened, and where it is.
+fn number(value: Option<impl ToString>) -> String {
+    value.map_or(String::new(), |value| value.to_string())
+}
+
+fn of(trainer: &Trainer) -> String {
+    let history = trainer.history();
+    let moment = |i: usize| history.moment(i);
+    let (points, evaluations) = (history.points(), history.evaluations());
+    let (methods, run) = (history.methods(), trainer.run());
+    Curves { points, evaluations, moment: &moment, methods, run }.table()
+}
+
+/// The table of a run in a file, which is replaced whenever there is more.
+pub struct MetricsFile {
     given: PathBuf,
+    /// Where it is, and what is there, which alone is replaced.
     path: PathBuf,
-    file: File,
-    /// All of it.
-    text: String,
-    /// How much of that the file has, in bytes: the rest could not be written yet, as on a full disk.
-    written: usize,
+    text: Option<String>,
+    written: Instant,
+    has_failed: bool,
 }
 
-impl MetricsTable {
-    /// Opens the table of the run in `setup`: a new file, or that of a resumed run, as it was when
-    /// the run was saved.
+impl MetricsFile {
+    /// Writes the table of the run in `setup` to a file that `prepare` has found to be writable. An
+    /// earlier table of the same run is replaced; another one only by `overwrite`.
     pub fn open(path: &Path, overwrite: bool, setup: &Setup) -> Result<Self, Report> {
-        let in_use = || {
-            let help = "give --csv another name";
-            miette!(help = help, "{}: another run is writing this table", path.display())
-        };
-        if files::is_in_use(path) {
-            return Err(in_use());
-        }
-        let is_there = setup.resumed.is_some() && path.exists();
-        let (file, text) = match is_there.then(|| go_on(path, setup)) {
-            Some(Err(_)) if overwrite => (create(path, true)?, String::new()),
-            Some(found) => found?,
-            None => (create(path, overwrite)?, String::new()),
-        };
-        // Held until the table is closed; where there are no locks, others can write it.
-        if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
-            return Err(in_use());
-        }
-        let (given, written) = (path.to_owned(), text.len());
-        let mut table = Self { path: given.clone(), given, file, text, written };
-        if table.text.is_empty() {
-            table.text = head() + "\n";
-            let written = table.put().into_diagnostic();
-            written.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
-        }
-        Ok(table)
+        let now = of(&setup.trainer);
+        let found = read(path);
+        let text = found
+            .filter(|found| overwrite || is_earlier(found, &now, setup.trainer.counters().updates));
+        let (given, written) = (path.to_owned(), Instant::now());
+        let mut file = Self { path: given.clone(), given, text, written, has_failed: false };
+        let put = file.put(now).into_diagnostic();
+        put.wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+        Ok(file)
     }
 
-    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file cannot be
-    /// written, reports that; training continues, and the line is tried again with the next one.
-    pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
-        self.write(&row(trainer, evaluation));
-    }
-
-    fn write(&mut self, row: &str) {
-        let is_first = self.written == self.text.len();
-        self.text += row;
-        if let Err(error) = self.put()
-            && is_first
+    /// Writes what is new, at most every ten seconds unless it `is_due`. A failure is reported once;
+    /// training continues, and it is tried again.
+    pub fn write(&mut self, trainer: &Trainer, is_due: bool) {
+        if !is_due && self.written.elapsed() < INTERVAL {
+            return;
+        }
+        self.written = Instant::now();
+        let put = self.put(of(trainer));
+        if let Err(error) = &put
+            && !self.has_failed
         {
             let path = self.path.display();
-            let then = "rows are missing until the next that can be";
-            eprint_line(&format!("{path}: cannot be written, {then}: {error}"));
+            eprint_line(&format!("{path}: cannot be written, which will be tried again: {error}"));
         }
+        self.has_failed = put.is_err();
     }
 
-    /// Writes what the file lacks; all of it to another one, if somebody has deleted, moved or changed
-    /// the file, as by an editor.
-    fn put(&mut self) -> std::io::Result<()> {
-        let (before, all) = (self.written, self.text.len());
-        if self.is_at_path(before) {
-            self.file.seek(SeekFrom::Start(before as u64))?;
-            if let Err(error) = self.file.write_all(&self.text.as_bytes()[before..]) {
-                // A part of a line may be there.
-                let _ = self.file.set_len(before as u64);
-                return Err(error);
+    /// Writes `text`, to another file if somebody has moved or changed this one, as by an editor.
+    fn put(&mut self, text: String) -> std::io::Result<()> {
+        let found = read(&self.path);
+        if found.as_ref() == Some(&text) {
+            return Ok(());
+        }
+        if found.is_some() && found == self.text {
+            files::write_atomically(&self.path, text.as_bytes())?;
+        } else {
+            let path = files::write_to_unused(&self.given, text.as_bytes())?;
+            if path != self.path {
+                let (was, now) = (self.path.display(), path.display());
+                eprint_line(&format!(
+                    "{was}: is not what this run has written: all rows are in {now}"
+                ));
+                self.path = path;
             }
         }
-        if !self.is_at_path(all) {
-            let path = files::write_to_unused(&self.given, self.text.as_bytes())?;
-            self.file = files::open_or_create(&path)?;
-            let _ = self.file.try_lock();
-            let (was, now) = (self.path.display(), path.display());
-            eprint_line(&format!("{was}: was deleted, moved or changed: all rows are in {now}"));
-            self.path = path;
-        }
-        self.written = all;
+        self.text = Some(text);
         Ok(())
     }
-
-    /// Whether a file of this length is where the table should be.
-    fn is_at_path(&self, bytes: usize) -> bool {
-        self.path.metadata().is_ok_and(|found| found.len() == bytes as u64)
-    }
 }
 
-/// Opens the table of a resumed run for more rows, and cuts off those that the run will write
-/// again, of which it keeps a copy; returns the others.
-fn go_on(path: &Path, setup: &Setup) -> Result<(File, String), Report> {
-    refuse_existing(path, true)?;
-    let unreadable = |error: std::io::Error| {
-        miette!("{}: the table cannot be continued: {error}", path.display())
-    };
-    let table = files::read(path, MAX_BYTES).map_err(unreadable)?;
-    let (kept, last) = rows_to_keep(&table, setup).map_err(|why| {
-        let help = "give --csv another name, or --overwrite to replace the file";
-        miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
-    })?;
-    let now = setup.trainer.counters().updates;
-    let updates = |line: &&str| line.split(',').nth(2).and_then(|cell| cell.parse::<u64>().ok());
-    let cut = String::from_utf8_lossy(&table[kept..]);
-    let beyond = cut.lines().filter(|line| updates(line) > Some(now)).count() as u64;
-    if beyond > 0 {
-        // They may be all that is left of a run that an older copy of it goes on from.
-        let copy = files::write_to_unused(path, &table).map_err(unreadable)?;
-        let (path, rows, now) = (path.display(), counted(beyond, "row"), grouped(now));
-        let copy = copy.display();
-        eprint_line(&format!("{path}: removed {rows} beyond update {now}: all are in {copy}"));
-    }
-    let file = files::open_or_create(path).map_err(unreadable)?;
-    file.set_len(kept as u64).map_err(unreadable)?;
-    if last / PROGRESS_EVERY_UPDATES < now / PROGRESS_EVERY_UPDATES {
-        let [last, now] = [last, now].map(grouped);
-        let path = path.display();
-        eprint_line(&format!("{path}: has no rows of updates {last} to {now}, without --csv"));
-    }
-    Ok((file, String::from_utf8_lossy(&table[..kept]).into_owned()))
+fn read(path: &Path) -> Option<String> {
+    files::read(path, MAX_BYTES).ok().map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Returns a line of the table; what is missing is empty.
-fn row(trainer: &Trainer, evaluation: Option<&Evaluation>) -> String {
-    let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    let (counters, losses) = (trainer.counters(), trainer.losses());
-    let mut row = vec![
-        if evaluation.is_some() { "evaluation" } else { "progress" }.to_owned(),
-        format!("{:.3}", trainer.seconds()),
-    ];
-    row.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
-    row.push(format!("{:.1}", updates_per_second(trainer)));
-    row.extend(self::losses([losses.critic, losses.model, losses.actor]));
-    row.extend(EVALUATION.map(|(_, metric)| number(evaluation.and_then(metric))));
-    let planned = evaluation.and_then(|found| found.planned.as_ref());
-    for score in [evaluation.map(|found| &found.greedy), planned] {
-        row.extend(
-            (0..DISTANCES).map(|i| number(score.and_then(|s| s.by_distance.get(i)?.success))),
-        );
-    }
-    row.join(",") + "\n"
-}
-
-fn losses<const N: usize>(losses: [f32; N]) -> [String; N] {
-    losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
-}
-
-/// Returns the length in bytes of the rows in `table` that the run in `setup` had written when it
-/// was saved, and the updates of the last one. Later rows, and a last one that was cut off, are to be
-/// written again; if all are later, they may be another run's.
-fn rows_to_keep(table: &[u8], setup: &Setup) -> Result<(usize, u64), String> {
-    let Setup { trainer, limits, .. } = setup;
-    let (now, history) = (trainer.counters().updates, trainer.history());
-    // An evaluation may have followed the save; one that ends the run is made again.
-    let is_evaluated = history.evaluations().iter().any(|(updates, _)| *updates == now)
-        && trainer.limit_reached(limits).is_none();
-    let mut lines = table.split_inclusive(|byte| *byte == b'\n');
-    let Some(first) = lines.next() else { return Ok((0, now)) };
-    let head = head();
-    if first.trim_ascii_end() != head.as_bytes() {
-        return Err("it is not a table of metrics, or has other columns".to_owned());
-    }
-    let (mut kept, mut last) = (first.len(), 0);
-    for (line, number) in lines.filter(|line| line.ends_with(b"\n")).zip(2..) {
-        let text = String::from_utf8_lossy(line);
-        let cells: Vec<&str> = text.trim_end().split(',').collect();
-        let updates = cells.get(2).and_then(|cell| cell.parse::<u64>().ok());
-        let updates = updates.filter(|_| cells.len() == head.split(',').count());
-        let updates = updates.ok_or_else(|| format!("line {number} is not a row of one"))?;
-        // The history is thinned: it knows the losses of some rows.
-        let points = history.points();
-        if let Ok(i) = points.binary_search_by_key(&updates, |point| point.updates)
-            && let losses = losses(points[i].losses)
-            && losses[..] != cells[COLUMNS - losses.len()..COLUMNS]
-        {
-            return Err(format!("line {number} is of another run"));
-        }
-        if updates > now && kept == first.len() {
-            return Err("all of its rows are later".to_owned());
-        }
-        last = updates.min(now);
-        if updates > now || updates == now && cells[0] == "evaluation" && !is_evaluated {
-            break;
-        }
-        kept += line.len();
-    }
-    Ok((kept, last))
+/// Whether a table is of the same run as `now`, whose losses no other has, and has nothing that the run
+/// has yet to do, `updates` from its beginning: an older copy of it may go on.
+fn is_earlier(found: &str, now: &str, updates: u64) -> bool {
+    let mut rows = found.lines();
+    let is_table = rows.next() == now.lines().next();
+    let own: HashSet<&str> = now.lines().collect();
+    let at = |row: &str| row.split(',').nth(2).and_then(|cell| cell.parse::<u64>().ok());
+    let last = rows.clone().next_back();
+    is_table
+        && last.is_none_or(|last| {
+            at(last).is_some_and(|at| at <= updates) && rows.any(|row| own.contains(row))
+        })
 }
 
 #[cfg(test)]
@@ -250,28 +192,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_that_could_not_be_written_come_with_the_next_one_and_go_with_the_table() {
+    fn only_what_the_run_has_written_is_replaced() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = |name: &str| folder.path().join(name);
-        let read = |name: &str| std::fs::read_to_string(path(name)).expect("a table");
-        std::fs::write(path("m.csv"), "1\n").expect("written");
-        let file = File::open(path("m.csv")).expect("one that cannot be written");
-        let text = "1\n".to_owned();
-        let (given, path_now) = (path("m.csv"), path("m.csv"));
-        let mut table = MetricsTable { given, path: path_now, file, text, written: 2 };
-        table.write("2\n");
-        table.file = File::options().write(true).open(path("m.csv")).expect("a file");
-        table.write("3\n");
-        assert_eq!(read("m.csv"), "1\n2\n3\n");
+        let given = path("m.csv");
+        let (written, text) = (Instant::now(), None);
+        let mut file = MetricsFile { path: given.clone(), given, text, written, has_failed: false };
+        let mut put = |text: &str| file.put(text.to_owned()).expect("written");
+        put("1\n");
+        put("1\n2\n");
+        assert_eq!(read(&path("m.csv")).as_deref(), Some("1\n2\n"));
         std::fs::rename(path("m.csv"), path("moved.csv")).expect("moved");
-        table.write("4\n");
-        // As by an editor: what it has saved is left alone.
-        for edited in ["m.csv", "m-2.csv"] {
-            assert_eq!(read(edited), table.text);
-            std::fs::write(path(edited), &table.text[..5]).expect("written");
-            table.write("5\n");
-            assert_eq!(read(edited), "1\n2\n3");
+        put("1\n2\n3\n");
+        std::fs::write(path("m.csv"), "mine\n").expect("edited");
+        put("1\n2\n3\n4\n");
+        for (name, text) in
+            [("moved.csv", "1\n2\n"), ("m.csv", "mine\n"), ("m-2.csv", "1\n2\n3\n4\n")]
+        {
+            assert_eq!(read(&path(name)).as_deref(), Some(text), "{name}");
         }
-        assert_eq!(read("m-3.csv"), "1\n2\n3\n4\n5\n5\n");
+    }
+
+    #[test]
+    fn a_table_of_the_same_run_is_known_by_its_rows() {
+        let now = "event,a,updates\np,.5,50\np,.25,100\n";
+        for (found, is_own) in [
+            ("event,a,updates\n", true),
+            ("event,a,updates\r\np,.5,50\r\n", true),
+            // Points are thinned as they become many.
+            ("event,a,updates\np,.3,25\np,.5,50\n", true),
+            ("event,a,updates\np,.6,50\n", false),
+            ("event,a,updates\np,.5,50\np,.1,150\n", false),
+            ("event,a,updates\np,.5,50\np,.1", false),
+            ("notes\np,.5,50\n", false),
+        ] {
+            assert_eq!(is_earlier(found, now, 100), is_own, "{found}");
+        }
     }
 }

@@ -1,6 +1,5 @@
 //! The files that a run writes: which may be replaced, and where the others go.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
@@ -84,15 +83,6 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     }
     let help = "give another name, or --overwrite";
     Err(miette!(help = help, "{}: the file already exists", path.display()))
-}
-
-/// Creates a file and the folders that it is in, or truncates an existing one if it may be
-/// replaced.
-pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
-    refuse_existing(path, overwrite)?;
-    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    let file = folder.and_then(|()| File::create(path));
-    file.map_err(|error| miette!("{}: cannot be written: {error}", path.display()))
 }
 
 /// Writes a file and the folders that it is in; returns a line that says where.

@@ -124,7 +124,6 @@ pub enum Both {
     Refused,
 }
 
-/// Names of keys.
 pub type Keys = &'static [&'static str];
 
 #[derive(Debug)]
@@ -138,7 +137,6 @@ pub struct Binding {
     pub short: &'static str,
     pub long: &'static str,
     pub words: &'static str,
-    /// What it does to a run.
     pub run: fn(&mut Session, Action),
     pub both: Both,
     /// Whether it shows or changes something that the past does not have: it returns to the present.

@@ -60,7 +60,6 @@ pub struct Comparison {
     race: Race,
     pub axis: Axis,
     larger: Option<usize>,
-    /// The side with the mouse.
     mouse_on: usize,
     /// The side that holds the editor of the map.
     editor_at: usize,

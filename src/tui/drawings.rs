@@ -17,6 +17,7 @@ use crate::figure::{
     Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Mark, PIXEL, Point, Sheet, colour,
     round_top,
 };
+use crate::headless::metrics::Curves;
 use crate::tui::choices::ExportKind;
 use gdg::draw::Picture;
 use gdg::engine::Snapshot;
@@ -35,8 +36,6 @@ pub enum ExportError {
     /// A drawing cannot be encoded.
     #[error("{0}")]
     Figure(miette::Report),
-    #[error(transparent)]
-    Csv(#[from] csv::Error),
 }
 
 /// Encodes what has been drawn, which may take a second or two.
@@ -99,8 +98,10 @@ fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode,
             Box::new(move || format.encode(&figure).map_err(ExportError::Figure))
         }
         ExportKind::CurvesCsv => {
-            let table = csv(screen)?;
-            Box::new(|| Ok(table))
+            let Snapshot { curve, evaluations, methods, run, .. } = &*screen.snapshot;
+            let (points, moment) = (curve, &|_| None);
+            let table = Curves { points, evaluations, moment, methods, run }.table();
+            Box::new(|| Ok(table.into_bytes()))
         }
     })
 }
@@ -255,54 +256,6 @@ fn series(
         |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
     let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));
     (name, learned(snapshot, evaluations.filter_map(|(at, e)| Some((*at, value(e)?)))))
-}
-
-fn number(value: Option<impl ToString>) -> String {
-    value.map_or(String::new(), |value| value.to_string())
-}
-
-/// Returns one line per evaluation and per point of the curves of losses and coverage, in order,
-/// with the method at the end: updates are those done by a learner.
-fn csv(Screen { snapshot, .. }: &Screen) -> Result<Vec<u8>, ExportError> {
-    let names =
-        "updates critic_loss model_loss actor_loss coverage greedy planned error error_of_graph";
-    let distances = snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
-    let group = |kind: &str, i: usize| match distances[i].distance() {
-        Some((distance, unit)) => format!("{kind}_at_{distance:.0}_{}", unit.name()),
-        None => format!("{kind}_of_group_{}", i + 1),
-    };
-    let groups = ["greedy", "planned"].map(|of| (0..distances.len()).map(move |i| group(of, i)));
-    let mut head: Vec<String> = names.split(' ').map(str::to_owned).collect();
-    head.extend(groups.into_iter().flatten().chain(["method".to_owned()]));
-    let line = |updates: u64, values: Vec<String>| {
-        let method = snapshot.methods.name(updates).map(str::to_owned);
-        let mut line = vec![snapshot.learned(updates).to_string()];
-        line.extend(values);
-        line.resize(head.len() - 1, String::new());
-        line.push(method.unwrap_or_else(|| snapshot.run.method.name()));
-        (updates, line)
-    };
-    let points = snapshot.curve.iter().map(|point| {
-        let losses = point.losses.iter().map(f32::to_string);
-        line(point.updates, losses.chain([number(point.coverage)]).collect())
-    });
-    let evaluations = snapshot.evaluations.iter().map(|(updates, e)| {
-        let error = e.distance_error;
-        let graph = error.and_then(|error| Some(error.graph?.mape));
-        let planned = e.planned.as_ref();
-        let values = [None, None, None, e.coverage, e.greedy.success]
-            .into_iter()
-            .chain([planned.and_then(|score| score.success), error.map(|e| e.mape), graph])
-            .chain(e.greedy.by_distance.iter().map(|group| group.success))
-            .chain(planned.iter().flat_map(|score| &score.by_distance).map(|group| group.success));
-        line(*updates, values.map(number).collect())
-    });
-    let mut lines: Vec<(u64, Vec<String>)> = points.chain(evaluations).collect();
-    lines.sort_by_key(|(updates, _)| *updates);
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(&head)?;
-    lines.iter().try_for_each(|(_, line)| writer.write_record(line))?;
-    writer.into_inner().map_err(|e| e.into_error().into())
 }
 
 #[cfg(test)]

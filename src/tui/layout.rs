@@ -59,7 +59,6 @@ impl ScreenLayout {
     }
 }
 
-/// Where the lines of a chart are.
 #[derive(Clone, Copy, Debug)]
 pub struct ChartArea {
     pub area: Rect,
@@ -76,7 +75,6 @@ impl ChartArea {
     }
 }
 
-/// A line with clickable parts.
 #[derive(Debug, Default)]
 pub struct ClickableLine {
     parts: Vec<(Span<'static>, Option<Click>)>,

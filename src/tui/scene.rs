@@ -111,7 +111,6 @@ pub trait SceneKind {
         self.view().past.as_deref()
     }
 
-    /// The goal that distances are shown to.
     fn shown_goal(&self) -> Vec<f32> {
         self.past().map_or_else(|| self.goal(), |frame| frame.goal.clone())
     }

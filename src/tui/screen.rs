@@ -292,7 +292,6 @@ pub fn success_of(snapshot: &Snapshot) -> Option<SuccessSummary> {
     snapshot.evaluation().map(|(updates, e)| e.success(snapshot.learned(*updates)))
 }
 
-/// A caption and its subject.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Caption {
     pub text: String,
@@ -306,7 +305,6 @@ pub struct Caption {
 #[derive(Clone, Debug)]
 pub struct ShownStep {
     pub step: usize,
-    /// Its title, with its number.
     pub title: String,
     /// Whether the tour waits for the user's first click, which ends it.
     pub is_last: bool,

@@ -204,7 +204,6 @@ async fn event_loop(
 pub struct FrameTimer {
     /// A frame is needed at once, as after user input.
     immediate: bool,
-    /// What is shown has changed.
     pub changed: bool,
     /// Training is not running.
     idle: bool,

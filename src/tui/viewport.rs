@@ -207,7 +207,6 @@ impl Default for Camera {
     }
 }
 
-/// Which projections are shown, and how.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShownAngles {
     /// The chosen projection: arrow keys move the goal in its plane.

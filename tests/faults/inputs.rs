@@ -3,35 +3,6 @@
 use super::command_line::{one_line, typed};
 use super::*;
 
-#[test]
-fn tables_with_other_line_ends_are_continued_and_links_are_not() {
-    let folder = folder();
-    let path = folder.path().join("table.csv");
-    let run = |args: &[&str]| {
-        let args = [args, &["--eval-tasks", "1", "--threads", "1", "--csv", "table.csv"]].concat();
-        outcome(&mut headless(folder.path(), &args))
-    };
-    assert_eq!(run(&["trap", "--max-updates", "1000", "--save", "run.safetensors"]).0, 0);
-    let saved = std::fs::read_to_string(&path).unwrap().replace('\n', "\r\n");
-    let resume = ["--resume", "run.safetensors", "--max-updates", "1100"];
-    let later = saved.lines().last().unwrap().replace(",1000,", ",1001,");
-    for more in ["", &format!("{later}\r\n"), &later] {
-        std::fs::write(&path, format!("{saved}{more}")).unwrap();
-        let (status, _, errors) = run(&resume);
-        assert_eq!(status, 0, "{errors}");
-        let table = std::fs::read_to_string(&path).unwrap();
-        let added = table.strip_prefix(&saved).unwrap_or_else(|| panic!("{more:?}: {table}"));
-        assert!(
-            added.lines().count() > 0 && added.lines().all(|row| row.contains(",1100,")),
-            "{more:?}: {added}"
-        );
-    }
-    std::fs::rename(&path, folder.path().join("elsewhere.csv")).unwrap();
-    symlink("elsewhere.csv", &path).unwrap();
-    let (status, _, errors) = run(&resume);
-    assert!(status == 2 && errors.contains("is a symbolic link"), "{errors}");
-}
-
 /// Returns what a shell offers after these words.
 fn bash_offers(script: &Path, words: &[&str]) -> Vec<String> {
     let (last, before) = words.split_last().unwrap();

@@ -6,8 +6,6 @@
 //! chooses actions by policy and walk; [`search()`] is the published search for a single bridge
 //! point. Excursions lead agents beyond the frontier of what has been visited.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 mod candidates;
 mod excursion;
 mod graph;

@@ -1,7 +1,5 @@
 //! Runs a trainer on its own thread: takes commands, publishes snapshots, knows no front end.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 mod command;
 mod snapshot;
 

@@ -4,8 +4,6 @@
 //! of the [`Abilities`] it offers evaluation and front ends. The learner sees only sizes and scales
 //! ([`Spec`]). [`WORLDS`] lists the built-in worlds.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 mod abilities;
 mod contact;
 pub mod fetch_reach;

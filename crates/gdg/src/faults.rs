@@ -28,7 +28,6 @@ static FAILURES: Mutex<Vec<ThreadPanic>> = Mutex::new(Vec::new());
 /// Whether a front end shows the panics of other threads, so that they need not be printed.
 static SHOWN_BY_INTERFACE: AtomicBool = AtomicBool::new(false);
 
-/// A recorded panic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ThreadPanic {
     /// The thread's name.
@@ -64,7 +63,6 @@ pub fn install_panic_hook() {
     }));
 }
 
-/// Sets whether an interface shows failures.
 pub fn show_in_interface(shown: bool) {
     SHOWN_BY_INTERFACE.store(shown, Ordering::Relaxed);
 }
@@ -74,7 +72,6 @@ pub fn take_failures() -> Vec<ThreadPanic> {
     std::mem::take(&mut FAILURES.lock())
 }
 
-/// An injected fault.
 struct Fault {
     point: String,
     kind: FaultKind,

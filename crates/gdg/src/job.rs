@@ -1,7 +1,5 @@
 //! A job that takes long: its name, its progress, when it began, and whether it has been cancelled.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 mod stopwatch;
 
 use std::borrow::Cow;

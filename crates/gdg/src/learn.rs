@@ -27,7 +27,6 @@ pub(crate) use data::known::{NEAR_STEPS, WAYPOINT_STEPS};
 pub(crate) use data::replay::ReplaySizes;
 pub use data::replay::{Replay, StoredStep};
 pub use error::LearnError;
-pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, Learner, LearnerKind, TrainingData};
 pub use network_learner::{GDG, NetworkLearner};
 use network_learner::{VARIANTS, kind};
@@ -40,6 +39,5 @@ pub use settings::{LearnSettings, LossScale};
 pub use update::profile::{Losses, PHASE_CLOCK, Profile, TrainingPhase, phase_time};
 pub use update::threads::Threads;
 
-/// The built-in learners.
 pub const LEARNERS: [LearnerKind; VARIANTS.len()] =
     [kind::<0>(), kind::<1>(), kind::<2>(), kind::<3>(), kind::<4>(), kind::<5>()];

@@ -27,7 +27,7 @@
 //!   [`env::Abilities`]) and the built-in worlds, a folder each.
 //! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in ones, variants of
 //!   [`learn::NetworkLearner`]. Submodules, in their order: `kernels` (dense loops and products; the
-//!   only unsafe code is in [`learn::kernel`]), `networks` (inputs, weights, what networks compute
+//!   only unsafe code is in `learn::kernels`), `networks` (inputs, weights, what networks compute
 //!   together, policies), `data` (replay, batches, known distances and what they add) and `update`
 //!   (losses and their hand-written gradients, optimiser steps, threads). Tests compare these with
 //!   `src/learn/reference.rs`, the same in plain arithmetic.
@@ -84,7 +84,6 @@
 //! Same seed, same run, bit for bit: for any number of threads, with or without a front end, with
 //! or without evaluations, resumed or not. Each purpose has its own random stream; a batch is split
 //! into parts that do not depend on the number of threads and are summed in order.
-#![warn(missing_docs)]
 #![allow(clippy::missing_errors_doc, reason = "errors say what is wrong")]
 
 pub mod bridge;

@@ -216,12 +216,10 @@ impl OutputStream {
     }
 }
 
-/// Returns standard output.
 pub fn stdout() -> &'static OutputStream {
     &STDOUT
 }
 
-/// Returns standard error.
 pub fn stderr() -> &'static OutputStream {
     &STDERR
 }

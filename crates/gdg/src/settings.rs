@@ -4,8 +4,6 @@
 //! with a field each, its values in every [`Preset`], and a list of [`Setting`]s. Checks, errors,
 //! `--print-config`, the settings dialog, the page of settings and the ablation come from these.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 use std::fmt;
 
 use serde::{Deserialize, Serialize};

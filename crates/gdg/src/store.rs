@@ -3,8 +3,6 @@
 //! Worlds, learners and the trainer save themselves to a [`Store`] and load themselves from one;
 //! only the checkpoint module knows how a store becomes a file.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 use std::collections::BTreeMap;
 
 use serde::de::DeserializeOwned;

@@ -1,7 +1,5 @@
 //! Training: exploring agents, updates interleaved with their steps, evaluation and checkpoints.
 
-#![allow(missing_docs, reason = "documented where names and types do not say it")]
-
 mod checkpoint;
 mod dataset;
 mod doubts;

@@ -46,7 +46,6 @@ pub enum Request {
     Start(Option<Vec<f32>>),
     /// The planes to show D on.
     Planes(Arc<Vec<Plane>>),
-    /// The cell of a maze to inspect.
     Inspect(Option<Cell>),
 }
 
@@ -65,9 +64,7 @@ pub struct View {
     pub fields: Arc<Vec<Vec<f32>>>,
     /// The largest value, at least 1.
     pub farthest: f32,
-    /// The bridge graph.
     pub graph: Arc<Graph>,
-    /// The agent's walk.
     pub reach: Reach,
     /// The positions of an arm's parts.
     pub pose: Option<Pose>,
@@ -148,9 +145,6 @@ pub struct Viewer {
 
 impl Viewer {
     /// Starts the thread on the snapshots of `engine`.
-    ///
-    /// # Errors
-    /// The thread cannot be started.
     pub fn start(engine: &Engine) -> std::io::Result<Self> {
         let (requests, inbox) = channel();
         let (publish, views) = watch::channel(Arc::default());
@@ -171,7 +165,6 @@ impl Viewer {
         let _ = self.requests.send(request);
     }
 
-    /// Returns a receiver of the latest view.
     pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.views.clone()
     }
@@ -231,12 +224,10 @@ pub enum Field {
     Error,
     /// Number of visits by agents.
     Visits,
-    /// Nothing.
     Plain,
 }
 
 impl Field {
-    /// All fields.
     pub const ALL: [Self; 8] = [
         Self::Learned,
         Self::FromStart,
@@ -248,7 +239,6 @@ impl Field {
         Self::Plain,
     ];
 
-    /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Learned => "D to G",

@@ -111,7 +111,6 @@ pub struct SeedCurves {
     pub chart: String,
     pub name: String,
     pub colour: Rgb,
-    /// The number of its marker.
     pub marker: usize,
     pub seeds: BTreeMap<u64, Points>,
 }

@@ -4,17 +4,17 @@ use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use miette::{Report, miette};
-use serde::Deserialize;
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 use super::join::merged;
 use super::{
     HELP, QUIET, RunState, SavedRun, Stamp, UNKNOWN, checksum, facts, is_recent, stamp, unreadable,
 };
-use crate::experiment::spec::{EvaluationAt, setting_text};
+use crate::experiment::spec::setting_text;
+use crate::headless::records::{Record, Start};
 use gdg::files::{FileFormat, Mismatch, Wanted, open};
 use gdg::text::sanitized;
-use gdg::train::DataSource;
+use gdg::train::EndReason;
 
 /// The longest line of records: none that this program writes is nearly as long.
 const MOST_OF_A_LINE: u64 = 16 << 20;
@@ -27,68 +27,14 @@ const RECORDS: Wanted =
 
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-#[derive(Deserialize)]
-#[serde(tag = "event", rename_all = "kebab-case")]
-enum ReadRecord {
-    Start(Box<Start>),
-    Progress(Progress),
-    Evaluation(Box<EvaluationAt>),
-    Saved {
-        path: PathBuf,
-    },
-    Edit {
-        updates: u64,
-        map: Option<String>,
-        fingerprint: Option<String>,
-    },
-    End {
-        reason: String,
-        updates: u64,
-    },
-    #[serde(other)]
-    Other,
-}
-
-/// How far a run was when it last told.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(default)]
-pub struct Progress {
-    pub updates: u64,
-    pub env_steps: u64,
-    pub episodes: u64,
-    pub seconds: f64,
-    pub updates_per_second: Option<f64>,
-    /// Estimated seconds until the run ends.
-    pub left: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct Start {
-    version: Option<String>,
-    world: String,
-    fingerprint: Option<String>,
-    map: Option<Value>,
-    gym: Option<Value>,
-    data: Option<DataSource>,
-    method: String,
-    preset: String,
-    settings: Map<String, Value>,
-    seed: u64,
-    #[serde(default)]
-    updates: u64,
-    resumed: Option<PathBuf>,
-    save: Option<PathBuf>,
-    save_every: Option<f64>,
-}
-
 impl SavedRun {
     fn begun(start: Start, source: &Path) -> Self {
-        let Start { world, fingerprint, map, gym, data, method, preset, settings, seed, .. } =
-            start;
-        let named =
-            |known: &Option<Value>, key| Some(known.as_ref()?.get(key)?.as_str()?.to_owned());
-        let (data, scenario) = (data.map(|data| data.checksum), named(&map, "scenario"));
-        let map = named(&map, "name").or_else(|| named(&gym, "id"));
+        let Start {
+            world, fingerprint, facts: about, data, method, preset, settings, seed, ..
+        } = start;
+        let named = |of, key| Some(about.get(of)?.get(key)?.as_str()?.to_owned());
+        let (data, scenario) = (data.map(|data| data.checksum), named("map", "scenario"));
+        let map = named("map", "name").or_else(|| named("gym", "id"));
         let settings = settings.iter().map(|(name, value)| setting_text(name, value));
         Self {
             source: source.to_owned(),
@@ -100,39 +46,41 @@ impl SavedRun {
             version: start.version,
             begun: start.updates,
             resumed: start.resumed.map(|path| found_from(source, path)),
-            saves: start.save.map(|path| (path, start.save_every)),
+            saves: start.save.map(|path| (path.into(), start.save_every)),
             updates: start.updates,
             ..Self::default()
         }
     }
 
-    fn add(&mut self, record: ReadRecord) {
+    fn add(&mut self, record: Record) {
         match record {
-            ReadRecord::Progress(now) => (self.updates, self.progress) = (now.updates, now),
-            ReadRecord::Evaluation(at) => {
+            Record::Progress(now) => (self.updates, self.progress) = (now.updates, now),
+            Record::Evaluation(at) => {
                 self.updates = at.updates;
                 self.evaluations.push(*at);
             }
-            ReadRecord::Edit { updates, map, fingerprint } => {
-                let to = fingerprint.map(|own| checksum(&own)).or(map);
+            Record::Edit { updates, fingerprint, change, .. } => {
+                let map = || Some(change.facts.get("map")?.as_str()?.to_owned());
+                let to = fingerprint.map(|own| checksum(&own)).or_else(map);
                 // Of several at once, the last.
                 self.edits.retain(|(at, _)| *at != updates);
                 self.edits.push((updates, to.unwrap_or_else(|| UNKNOWN.to_owned())));
             }
-            ReadRecord::Saved { path } => self.checkpoint = Some(found_from(&self.source, path)),
-            ReadRecord::End { reason, updates } => {
-                let interrupted = reason == "interrupted";
+            Record::Saved { path, .. } => self.checkpoint = Some(found_from(&self.source, path)),
+            Record::End { reason, updates, .. } => {
+                let interrupted = reason == EndReason::Interrupted;
                 self.end = Some(if interrupted { RunState::Interrupted } else { RunState::Done });
                 self.updates = updates;
             }
-            ReadRecord::Start(_) | ReadRecord::Other => {}
+            Record::Start(_) | Record::Recovery(_) | Record::Warning(_) | Record::Other => {}
         }
     }
 }
 
 /// Returns where a file is that `records` name: its path is relative to the folder in which the
 /// run was started, which is the present one, or else that of the records or one above it.
-fn found_from(records: &Path, path: PathBuf) -> PathBuf {
+fn found_from(records: &Path, path: String) -> PathBuf {
+    let path = PathBuf::from(path);
     let above = || records.ancestors().skip(1).map(|folder| folder.join(&path));
     let found = if path.is_file() { None } else { above().find(|path| path.is_file()) };
     found.unwrap_or(path)
@@ -220,14 +168,14 @@ impl RecordsReader {
         let text = text.strip_prefix(BYTE_ORDER_MARK).filter(|_| self.read == 0).unwrap_or(text);
         match (serde_json::from_slice(text), self.runs.last_mut()) {
             _ if text.is_empty() => {}
-            (Ok(ReadRecord::Start(start)), _) => {
+            (Ok(Record::Start(start)), _) => {
                 self.runs.push(SavedRun::begun(*start, &self.path));
             }
-            (Ok(ReadRecord::Evaluation(at)), _) if !at.is_possible() => {
+            (Ok(Record::Evaluation(at)), _) if !at.is_possible() => {
                 return Err(": not a record: impossible numbers".into());
             }
             (Ok(record), Some(run)) => run.add(record),
-            (Ok(ReadRecord::Evaluation(_)), None) => {
+            (Ok(Record::Evaluation(_)), None) => {
                 return Err(":1: an evaluation before any start record".into());
             }
             (Ok(_), None) => {}

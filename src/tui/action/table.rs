@@ -11,7 +11,6 @@ use crate::tui::lists;
 use crate::tui::session::{Session, change_run, disk, watching};
 use gdg::engine::Step;
 
-/// What an action does to a run.
 type Run = fn(&mut Session, A);
 
 const fn bind(action: A, name: &'static str, keys: Keys, run: Run) -> Binding {

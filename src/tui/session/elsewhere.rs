@@ -27,7 +27,6 @@ pub struct TrainedElsewhere {
     checkpoint: PathBuf,
     /// The version of the checkpoint that is shown, or being opened.
     shown: Option<Stamp>,
-    /// When it was opened.
     opened: Instant,
     seen: watch::Receiver<Seen>,
 }
@@ -117,7 +116,7 @@ impl TrainedElsewhere {
                 now.seconds = progress.seconds;
             }
             if told.state() == RunState::Running {
-                now.rates.0 = progress.updates_per_second.unwrap_or_default();
+                now.rates.0 = progress.updates_per_second;
                 now.rates.1 = progress.env_steps as f64 / progress.seconds.max(1.0);
                 let since = told.written.and_then(|at| at.elapsed().ok()).unwrap_or_default();
                 now.seconds_left = progress.left.map(|left| (left - since.as_secs_f64()).max(0.0));

@@ -258,7 +258,6 @@ pub struct TourStep {
     /// Seconds to read it after its subject has been seen, and until it ends anyway.
     pub reading_secs: f32,
     pub limit_secs: f32,
-    /// What it does at first.
     pub enter: fn(&mut Tour, &mut Cx),
     /// What it says now.
     pub look: fn(&mut Tour, &mut Cx) -> Option<Caption>,

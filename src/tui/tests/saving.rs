@@ -386,11 +386,14 @@ fn everything_can_be_exported() {
                 assert!(!text.contains("get no reward"), "the dialog on top is left out");
             }
             _ => {
-                let (head, last) = (text.lines().next(), text.lines().last());
-                let columns = head.expect("a head").split(',').count();
-                assert!(text.starts_with("updates,critic_loss,") && columns > 10, "{text}");
-                let last: Vec<&str> = last.expect("lines").split(',').collect();
-                assert_eq!((last[0], last.len()), ("10000", columns));
+                let columns = |line: &str| line.split(',').count();
+                assert!(
+                    text.starts_with("event,seconds,updates,") && columns(&text) > 10,
+                    "{text}"
+                );
+                let head = text.lines().next().map_or(0, columns);
+                assert!(text.lines().all(|line| columns(line) == head), "{text}");
+                assert!(text.lines().last().is_some_and(|last| last.contains(",10000,")));
             }
         }
     }

@@ -146,14 +146,12 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
         }
         press(&mut app, KeyCode::Char('0'));
     }
-    // Groups of tasks are measured in centimetres.
-    let mut evaluation = staged::evaluation(1.0);
-    for (i, group) in evaluation.greedy.by_distance.iter_mut().enumerate() {
-        (group.distance_steps, group.distance_cm) = (None, Some(7.0 + i as f64));
-    }
-    app.change_snapshot(|snapshot| snapshot.evaluations = Arc::new(vec![(500, evaluation)]));
-    let csv = export(ExportKind::CurvesCsv, &mut app);
-    assert!(String::from_utf8_lossy(&csv.expect("a table")).contains(",greedy_at_7_cm,"));
+    app.change_snapshot(|snapshot| {
+        snapshot.evaluations = Arc::new(vec![(500, staged::evaluation(1.0))]);
+    });
+    let table = export(ExportKind::CurvesCsv, &mut app).expect("a table");
+    let table = String::from_utf8(table).expect("text");
+    assert!(table.lines().any(|line| line.starts_with("evaluation,,500,")), "{table}");
     for kind in ExportKind::ALL {
         assert!(export(kind, &mut app).is_ok(), "{kind:?}");
     }

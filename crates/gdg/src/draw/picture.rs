@@ -5,7 +5,6 @@ use png::{Encoder, EncodingError};
 
 use super::{Rgb, contour, contour_paths, trace};
 
-/// A picture in memory.
 #[derive(Clone, Debug)]
 pub struct Picture {
     columns: usize,
@@ -13,7 +12,6 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Creates a picture in one colour.
     pub fn new((columns, rows): (usize, usize), colour: Rgb) -> Self {
         Self { columns, pixels: vec![colour; columns * rows] }
     }
@@ -55,9 +53,6 @@ impl Picture {
     }
 
     /// Encodes the picture as a PNG file that names the `software` that has made it.
-    ///
-    /// # Errors
-    /// Errors of the encoder.
     pub fn to_png(&self, software: &str) -> Result<Vec<u8>, EncodingError> {
         let (columns, rows) = self.size();
         let mut file = Vec::new();
@@ -80,7 +75,6 @@ fn weight(is_bold: bool) -> FontWeight {
     if is_bold { FontWeight::Bold } else { FontWeight::Regular }
 }
 
-/// A pixel of a line of text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextPixel {
     /// Column from the left end of the line.

@@ -15,7 +15,6 @@ pub struct Raster {
     pub pixels: (usize, usize),
 }
 
-/// What a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RasterPixel {
     /// Nothing: it lies outside the map.
@@ -43,17 +42,14 @@ impl Raster {
         Self { window, pixels: (along(width), along(height)) }
     }
 
-    /// Returns the number of pixels.
     pub fn len(&self) -> usize {
         self.pixels.0 * self.pixels.1
     }
 
-    /// Returns whether there are no pixels.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Returns what the pixel at `column` and `row` shows.
     pub fn ground(&self, map: &Grid, column: usize, row: usize) -> RasterPixel {
         let [left, top, width, height] = self.window;
         let (columns, rows) = self.pixels;

@@ -87,7 +87,6 @@ fn activity(command: &EngineCommand) -> &'static str {
 }
 
 impl TrainingThread {
-    /// Makes the edit that was to come.
     pub(super) fn make_edit(&mut self) -> Result<(), TrainError> {
         let Some(change) = self.trainer.make_edit()? else { return Ok(()) };
         self.current.made_edits += 1;

@@ -20,11 +20,9 @@ pub enum FileFormat {
     Scenario,
     /// Checkpoints and policies.
     Safetensors,
-    /// Settings.
     Json,
     /// Recorded transitions.
     Npz,
-    /// Any other text.
     Text,
     /// A file of other programs.
     Foreign,
@@ -46,7 +44,6 @@ pub struct Wanted {
 pub struct Mismatch {
     /// What it is: `is an image (PNG), not a map`.
     pub problem: String,
-    /// What to do.
     pub help: String,
 }
 

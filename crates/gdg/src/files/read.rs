@@ -98,7 +98,6 @@ pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
 /// where inodes are not stable or times are rounded later.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileFacts {
-    /// Its length.
     pub bytes: u64,
     modified: Option<SystemTime>,
     inode: u64,

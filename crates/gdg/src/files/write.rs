@@ -265,7 +265,6 @@ pub fn is_in_use(path: &Path) -> bool {
     file.is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
 }
 
-/// Whether `file` is still the file at `path`.
 pub(super) fn is_at(file: &File, path: &Path) -> bool {
     let own = file.try_clone().and_then(Handle::from_file);
     own.is_ok_and(|own| Handle::from_path(path).is_ok_and(|found| found == own))
@@ -283,7 +282,6 @@ mod tests {
         tempfile::tempdir().expect("a folder")
     }
 
-    /// The names in a folder, sorted.
     fn names(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).expect("a folder").flatten();
         let mut names: Vec<String> =

@@ -54,7 +54,6 @@ pub struct TrainingData<'a> {
     pub job: &'a Job,
 }
 
-/// How agents act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Acting {
     /// With mu.

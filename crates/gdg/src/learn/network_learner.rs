@@ -39,7 +39,6 @@ use crate::learn::update::threads::Threads;
 use crate::learn::update::trained_networks::Training;
 use crate::store::{Store, StoreError};
 
-/// How the learners differ.
 #[derive(Clone, Copy, Debug)]
 pub struct LearnerVariant {
     name: &'static str,
@@ -70,7 +69,6 @@ const DDPG: LearnerVariant = LearnerVariant {
     ..GDG
 };
 
-/// All variants.
 pub const VARIANTS: [LearnerVariant; 6] = [
     GDG,
     LearnerVariant {

@@ -1,5 +1,6 @@
 //! The connected components of a map.
 
+use super::flood::Flood;
 use super::grid::{Cell, Grid};
 
 /// The connected components of a map's free cells.
@@ -13,40 +14,18 @@ pub struct Components {
 
 impl Components {
     /// Finds the components of `grid`.
-    ///
-    /// Scans row by row; each cell takes the label of its left or upper neighbour (Rosenfeld and
-    /// Pfaltz 1966, "Sequential operations in digital picture processing"). Diagonals need no
-    /// check: without corner cutting they join nothing that the adjacent cells do not.
     pub fn of(grid: &Grid) -> Self {
-        let mut of_cell: Vec<Option<u32>> = vec![None; grid.free().len()];
-        // Parent of each label: merged labels point to an earlier one, roots to themselves.
-        let mut part_of: Vec<u32> = Vec::new();
+        let (mut of_cell, mut sizes) = (vec![None; grid.free().len()], Vec::new());
+        let mut flood = Flood::new(grid, 1);
         for cell in grid.free_cells() {
-            let i = grid.index(cell);
-            let left = if cell.x > 0 { of_cell[i - 1] } else { None };
-            let above = if cell.y > 0 { of_cell[i - grid.width()] } else { None };
-            of_cell[i] = Some(match (left, above) {
-                (Some(left), Some(above)) => {
-                    let (a, b) = (root(&mut part_of, left), root(&mut part_of, above));
-                    part_of[a.max(b) as usize] = a.min(b);
-                    a.min(b)
-                }
-                (Some(label), None) | (None, Some(label)) => label,
-                (None, None) => {
-                    part_of.push(part_of.len() as u32);
-                    part_of.len() as u32 - 1
-                }
-            });
-        }
-        let mut sizes = Vec::new();
-        for label in 0..part_of.len() {
-            let root = part_of[label] as usize;
-            part_of[label] = if root == label { sizes.len() as u32 } else { part_of[root] };
-            sizes.resize(sizes.len() + usize::from(root == label), 0);
-        }
-        for label in of_cell.iter_mut().flatten() {
-            *label = part_of[*label as usize];
-            sizes[*label as usize] += 1;
+            if of_cell[grid.index(cell)].is_none() {
+                let (component, mut size) = (sizes.len() as u32, 0);
+                flood.each(&[cell], grid.width(), |i, _| {
+                    of_cell[i] = Some(component);
+                    size += 1;
+                });
+                sizes.push(size);
+            }
         }
         Self { of_cell, sizes }
     }
@@ -61,13 +40,4 @@ impl Components {
         let largest = self.largest();
         grid.free_cells().filter(move |c| self.of_cell[grid.index(*c)] == Some(largest))
     }
-}
-
-/// Returns the root of `label`, halving the path to it for later look-ups.
-fn root(part_of: &mut [u32], mut label: u32) -> u32 {
-    while part_of[label as usize] != label {
-        part_of[label as usize] = part_of[part_of[label as usize] as usize];
-        label = part_of[label as usize];
-    }
-    label
 }

@@ -134,13 +134,19 @@ impl Flood {
     /// [`UNREACHABLE`] where there is no path, row-major, in `steps`.
     pub fn steps_everywhere(&mut self, from: &[Cell], width: usize, steps: &mut [u32]) {
         steps.fill(UNREACHABLE);
+        self.each(from, width, |i, at| steps[i] = at);
+    }
+
+    /// Passes the index of each cell that can be reached from `from`, of a map of this width, and
+    /// its steps from the nearest of those to `pass`, the nearest cells first.
+    pub fn each(&mut self, from: &[Cell], width: usize, mut pass: impl FnMut(usize, u32)) {
         let row = self.row;
         self.flood(from, |at, ring, _| {
             for (word, bits) in ring {
                 let first = ((word - 1) / row - 1) * width + (word - 1) % row * BITS;
                 let mut bits = *bits;
                 while bits != 0 {
-                    steps[first + bits.trailing_zeros() as usize] = at;
+                    pass(first + bits.trailing_zeros() as usize, at);
                     bits &= bits - 1;
                 }
             }

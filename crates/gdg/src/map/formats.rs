@@ -23,7 +23,6 @@ pub struct Source<'a> {
     /// Its name, for errors.
     pub file: &'a str,
     pub bytes: &'a [u8],
-    /// Its text, if it is text.
     pub text: MapResult<TextFile<'a>>,
     /// Where the files that it names are.
     pub folder: Option<&'a Path>,
@@ -60,12 +59,10 @@ fn name_of(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// A format of maps.
 #[derive(Debug)]
 pub struct MapFormat {
     /// Its name on the command line.
     pub name: &'static str,
-    /// What it is.
     pub about: &'static str,
     /// The endings of its files' names, without the dot.
     pub endings: &'static [&'static str],
@@ -155,7 +152,6 @@ pub fn fingerprint(grid: &Grid) -> String {
     format!("{width} x {height}, goal radius {}, {checksum:08x}", scale.goal_radius)
 }
 
-/// What a cell is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum CellMark {
     Wall,

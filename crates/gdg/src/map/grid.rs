@@ -220,7 +220,6 @@ impl Grid {
         Some(grid.with_marks(self.starts.clone(), self.goals.clone()).with_scale(self.scale))
     }
 
-    /// Returns whether `cell` is on the map.
     pub fn contains(&self, cell: Cell) -> bool {
         cell.x < self.width && cell.y < self.height
     }

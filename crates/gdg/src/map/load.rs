@@ -147,7 +147,6 @@ pub fn lost_from(path: &Path, map: &Grid) -> Option<String> {
     (own != size(map)).then_some(own)
 }
 
-/// Reads a scenario, for any map.
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
     let parsed = read_file(path, "scenario")
         .and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));

@@ -21,7 +21,6 @@ pub enum Ogbench {
 }
 
 impl Ogbench {
-    /// All of them.
     pub const ALL: [Self; 4] = [Self::Medium, Self::Large, Self::Giant, Self::Teleport];
 
     /// Cells along each side of a block, which is 4 long in OGBench's unit.
@@ -104,7 +103,6 @@ impl Ogbench {
         if self == Self::Teleport { &[[1, 7], [6, 1], [6, 10]] } else { &[] }
     }
 
-    /// Returns the middle of a block, in cells.
     pub fn middle([row, column]: Block) -> [f32; 2] {
         [column, row].map(|block| (block as f32 + 0.5) * Self::BLOCK_CELLS as f32)
     }

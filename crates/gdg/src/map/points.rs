@@ -52,7 +52,6 @@ impl HalfCells {
         Self { points, per_cell: 2, goal_radius }
     }
 
-    /// The point in the middle of a cell.
     fn middle(&self, cell: Cell) -> Cell {
         let at = |i: usize| i * self.per_cell + self.per_cell / 2;
         Cell::new(at(cell.x), at(cell.y))

@@ -10,7 +10,6 @@ use rand_chacha::ChaCha8Rng;
 use super::components::Components;
 use super::grid::{Cell, Grid};
 
-/// The kind of a random map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RandomMapKind {
     /// 9 x 9 rooms of 4 x 4 cells, separated by walls one cell thick; besides those of the spanning
@@ -42,7 +41,6 @@ struct Lattice {
 }
 
 impl RandomMapKind {
-    /// All kinds.
     pub const ALL: [Self; 3] = [Self::Maze, Self::City, Self::Perfect];
 
     /// Returns a short description.

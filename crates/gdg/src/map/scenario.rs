@@ -8,10 +8,8 @@ use super::grid::{Cell, Grid};
 use super::text_file::{MapError, MapResult, TextFile};
 use crate::text::SourceLine;
 
-/// One task of a scenario.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ScenarioTask {
-    /// Where the agent starts.
     pub start: Cell,
     /// The cell it must reach.
     pub goal: Cell,
@@ -136,7 +134,6 @@ impl TaskLine {
         self.size != (0, 0) && self.size != (grid.width(), grid.height())
     }
 
-    /// Returns the task on `grid`.
     fn task(&self, file: &str, grid: &Grid) -> MapResult<ScenarioTask> {
         let (width, height) = self.size;
         if width as u128 * grid.height() as u128 != height as u128 * grid.width() as u128 {

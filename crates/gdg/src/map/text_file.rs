@@ -27,7 +27,6 @@ pub fn read_file(path: &Path, kind: &str) -> MapResult<Vec<u8>> {
     })
 }
 
-/// A place in a text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TextPosition {
     /// Line, from 0.
@@ -36,7 +35,6 @@ pub struct TextPosition {
     pub column: usize,
 }
 
-/// A text file.
 pub struct TextFile<'a> {
     pub file: &'a str,
     /// All of it, without its byte-order mark.
@@ -70,7 +68,6 @@ impl<'a> TextFile<'a> {
         Ok(Self { file, source, lines })
     }
 
-    /// Returns the place of a byte.
     pub fn place_of(&self, byte: usize) -> TextPosition {
         let (line, column) = line_and_column(self.source, byte);
         TextPosition { line: line - 1, column: column - 1 }
@@ -148,7 +145,6 @@ pub struct MapError {
     pub file: String,
     /// Line and column from 1, in characters; `None` if the error concerns the whole file.
     pub at: Option<(usize, usize)>,
-    /// What is wrong.
     pub problem: String,
     /// What is expected instead.
     pub help: String,

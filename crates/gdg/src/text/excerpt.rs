@@ -9,7 +9,6 @@ use super::sanitized;
 /// Characters shown on each side of the error.
 const CONTEXT_CHARS: usize = 36;
 
-/// A line of a file.
 #[derive(Clone, Copy, Debug)]
 pub struct SourceLine<'a> {
     /// Its number, from 0.

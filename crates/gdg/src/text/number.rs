@@ -3,7 +3,6 @@
 /// Why a text is not the number that is expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NumberError {
-    /// It has a fraction.
     #[error("needs a whole number")]
     Fraction,
     /// A point may separate the fraction or thousands.
@@ -12,7 +11,6 @@ pub enum NumberError {
     /// It is larger than numbers can be.
     #[error("is too large a number")]
     TooLarge,
-    /// It is no number.
     #[error("expected a whole number, such as 60000, 60_000 or 6e4")]
     NoNumber,
 }

@@ -129,15 +129,6 @@ impl Rollout {
         &self.agents
     }
 
-    pub fn goal_and_waypoints(&self, i: usize) -> (&[f32], Vec<usize>) {
-        let agent = &self.agents[i];
-        match (&self.plans[i], &agent.after_bridge) {
-            (Some(plan), _) => (&plan.goal, plan.walker.waypoints_ahead()),
-            (None, Some(goal)) => (goal, Vec::new()),
-            (None, None) => (&agent.goal, Vec::new()),
-        }
-    }
-
     pub fn excursions(&self) -> &Excursions {
         &self.excursions
     }

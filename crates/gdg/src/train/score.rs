@@ -23,6 +23,7 @@ pub struct Evaluation {
     /// reach).
     pub coverage: Option<f64>,
     /// The world's default task, if it has one (on a map: from its first start to its first goal).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub marked: Option<MarkedTask>,
 }
 

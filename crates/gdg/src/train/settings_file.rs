@@ -255,7 +255,6 @@ pub fn about_setting(setting: &Setting, values: &str) -> Vec<String> {
     vec![format!("{about}."), possible, format!("A change {}.", effect.about()), usual.to_string()]
 }
 
-/// Returns all about the setting with this name.
 pub fn setting_page(name: &str) -> Result<String, Box<ConfigError>> {
     let setting = Setting::named(name).ok_or_else(|| unknown(name))?;
     let value = |preset: Preset| {

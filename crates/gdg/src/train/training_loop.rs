@@ -36,13 +36,11 @@ pub enum TrainingEvent {
     Recovery(Recovery),
     /// The trainer has warnings for the user.
     Warned,
-    /// Progress is to be reported.
     Progress,
     /// The next of the trainer's edits is to be made.
     Edit,
     /// The run is to be evaluated, also if it has reached its limit.
     Evaluation,
-    /// The run is to be saved.
     Save,
     /// A tick has been run, and nothing more is due after it.
     Ticked(Tick),

@@ -25,7 +25,6 @@ const DIAGONAL: usize = 7;
 /// Information about a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellInfo {
-    /// The cell.
     pub cell: Cell,
     /// D from its centre to the goal.
     pub learned: f32,

@@ -12,7 +12,6 @@ use crate::env::maze::ProbeGrid;
 use crate::map::{Cell, Grid};
 use crate::train::FilmFrame;
 
-/// A map and its filmed cells.
 #[derive(Clone, Debug)]
 pub struct FilmedMap {
     map: Arc<Grid>,
@@ -22,7 +21,6 @@ pub struct FilmedMap {
 }
 
 impl FilmedMap {
-    /// Prepares a map.
     pub fn new(map: Arc<Grid>) -> Self {
         let grid = ProbeGrid::new(&map);
         let mut nearest = vec![None; map.free().len()];
@@ -46,7 +44,6 @@ impl FilmedMap {
         Self { map, nearest }
     }
 
-    /// The map.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
     }

@@ -15,19 +15,16 @@ use crate::train::Run;
 /// What the walking agent does after arriving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnArrival {
-    /// Starts again.
     #[default]
     Again,
     /// Continues to another goal.
     Visit,
-    /// Stays there.
     Stay,
     /// Waits for another start or goal, also where it gives up.
     Wait,
 }
 
 impl OnArrival {
-    /// Returns the next choice of the user.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -38,7 +35,6 @@ impl OnArrival {
         }
     }
 
-    /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Again => "restart",
@@ -49,7 +45,6 @@ impl OnArrival {
     }
 }
 
-/// A bridge candidate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// Its place, `(goal_dim)`.
@@ -68,7 +63,6 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Returns the number of edges with this record.
     pub fn count(&self, status: EdgeStatus) -> usize {
         self.edges.iter().filter(|(_, own)| *own == status).count()
     }
@@ -149,16 +143,12 @@ impl Pilot {
         Graph { candidates: degrees.iter().enumerate().map(candidate).collect(), edges }
     }
 
-    /// Returns D from a state to a goal.
     pub fn distance(&mut self, state: &[f32], goal: &[f32]) -> f32 {
         self.networks.policy.distance(state, goal, &mut self.scratch)
     }
 
     /// Moves the agent of `world` by one step towards `goal`; returns the waypoints that were ahead
     /// of it, the next one first and the goal last.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn step(
         &mut self,
         world: &mut dyn Environment,
@@ -188,9 +178,6 @@ impl Pilot {
 
 impl Pilot {
     /// Moves the agent of `world` by one step of the actor alone towards `goal`.
-    ///
-    /// # Errors
-    /// The world fails.
     pub fn step_alone(
         &mut self,
         world: &mut dyn Environment,
@@ -206,13 +193,10 @@ impl Pilot {
 /// The agent's walk to the goal. Places are goals, `(goal_dim)`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reach {
-    /// Place at the start.
     pub start: Vec<f32>,
-    /// State at the start.
     pub start_state: Vec<f32>,
     /// Place of the agent.
     pub at: Vec<f32>,
-    /// Steps taken.
     pub steps: u32,
     /// Shortest possible number of steps, if it is known and the goal is reachable.
     pub shortest: Option<u32>,
@@ -250,9 +234,7 @@ const STANDS_WITHIN: f32 = 3.0;
 /// The actor alone on its way from the same start to the same goal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ghost {
-    /// Its place.
     pub at: Vec<f32>,
-    /// Steps taken.
     pub steps: u32,
     /// Whether it has been at the goal, where it stays.
     pub arrived: bool,

@@ -99,7 +99,6 @@ impl ArmScene {
         random_goal(rng).as_vec3().to_array()
     }
 
-    /// Returns the allowed goal nearest to `at`.
     pub fn nearest_goal(&self, at: [f32; 3]) -> [f32; 3] {
         let [low, high] = self.goals();
         std::array::from_fn(|i| at[i].clamp(low[i], high[i]))

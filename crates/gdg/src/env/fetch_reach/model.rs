@@ -171,7 +171,6 @@ pub fn add_outer(m: &mut Matrix, row: &Joints, weight: f64) {
     }
 }
 
-/// Adds `scale * x` to `to`.
 #[inline]
 pub fn add_scaled(to: &mut Joints, scale: f64, x: &Joints) {
     for (to, x) in to.iter_mut().zip(x) {

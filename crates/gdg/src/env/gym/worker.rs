@@ -290,7 +290,6 @@ pub struct GymWorker {
     /// since training is to stop.
     waited: [Duration; 2],
     job: Arc<Mutex<Job>>,
-    /// When it is to have ended.
     ends_by: Option<Instant>,
     pub environments: usize,
     /// Whether a desired goal has moved within one of its first episodes.
@@ -361,7 +360,6 @@ impl GymWorker {
         self.send(Message::Step, &bytes(actions))
     }
 
-    /// Returns the result of a step of `count` environments.
     pub fn end_step(&mut self, count: usize) -> Result<Vec<Stepped>> {
         let length = self.about.row() + 1;
         let reply = self.numbers(Message::Step, count * length)?;
@@ -624,7 +622,6 @@ pub fn failed(title: &str, problem: String, details: Vec<String>) -> EnvError {
     EnvError::Failed { world: truncated(title, MAX_SHOWN_CHARS), problem, details }
 }
 
-/// Scales an action in [-1, 1] to its bounds.
 fn scaled(action: f32, [low, high]: [f32; 2]) -> f32 {
     let action = action.clamp(-1.0, 1.0);
     // Exactly the same numbers where nothing is to be scaled.

@@ -98,7 +98,6 @@ impl Default for GymOptions {
 }
 
 impl GymOptions {
-    /// Returns the interpreter to start.
     pub fn interpreter(&self) -> PathBuf {
         let active = || {
             let folder = PathBuf::from(std::env::var_os("VIRTUAL_ENV")?);

@@ -203,7 +203,6 @@ impl Ogbench {
         if self.entries().iter().any(is_near) { self.exits() } else { &[] }
     }
 
-    /// Returns where a step from `position` begins.
     pub(super) fn begin_step(self, position: [f32; 2], rng: &mut ChaCha8Rng) -> [f32; 2] {
         match self.exits_from(position) {
             [] => position,

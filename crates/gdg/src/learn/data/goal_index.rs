@@ -31,7 +31,6 @@ const NONE: u32 = u32::MAX;
 /// A component of the state, in cells of a width.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Axis {
-    /// The component.
     pub component: usize,
     /// Width of a cell, in the component's unit.
     pub width: f32,
@@ -51,7 +50,6 @@ impl Axis {
             && self.low.is_finite()
     }
 
-    /// Returns the cell of `state`.
     pub fn cell(&self, state: &[f32]) -> i32 {
         ((state[self.component] - self.low) / self.width).floor() as i32
     }

@@ -39,7 +39,6 @@ pub struct KnownPair {
     pub from: u32,
     /// The place where it ends.
     pub to: u32,
-    /// Its length.
     pub steps: f32,
     /// The first place on it that is at least `WAYPOINT_STEPS` from the start, or its end.
     pub waypoint: u32,
@@ -55,7 +54,6 @@ pub(crate) const WAYPOINT_STEPS: f32 = 4.0;
 /// Steps from all places to some of them.
 #[derive(Clone, Debug)]
 pub struct DistancesByGoal {
-    /// The places that are goals.
     pub places: Vec<u32>,
     /// The same places as goals.
     pub goals: GoalIndex,

@@ -59,7 +59,6 @@ impl ReplaySizes {
 /// A stored time step: an agent and the number of its slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoredStep {
-    /// The agent.
     pub agent: usize,
     /// The number of its slot, counted from the start of training.
     pub slot: u64,
@@ -285,19 +284,16 @@ impl Replay {
         }
     }
 
-    /// Returns the state at `moment`.
     pub fn state(&self, moment: StoredStep) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.state;
         &self.states[at..at + self.sizes.state]
     }
 
-    /// Returns the action taken at `moment`.
     pub fn action(&self, moment: StoredStep) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.action;
         &self.actions[at..at + self.sizes.action]
     }
 
-    /// Returns the goal pursued at `moment`.
     pub fn goal(&self, moment: StoredStep) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.goal;
         &self.goals[at..at + self.sizes.goal]

@@ -45,15 +45,11 @@ impl Panels {
     /// # Panics
     /// Panics if `b` is too short.
     pub fn pack(&mut self, b: &[f32], depth: usize, columns: usize) {
-        self.prepare(depth, columns);
-        for (panel, from) in
-            self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width))
-        {
-            let count = self.width.min(columns - from);
-            for (k, row) in panel.chunks_exact_mut(self.width).enumerate() {
+        self.fill(depth, columns, |panel, width, from, count| {
+            for (k, row) in panel.chunks_exact_mut(width).enumerate() {
                 row[..count].copy_from_slice(&b[k * columns + from..][..count]);
             }
-        }
+        });
     }
 
     /// Packs the transpose of `b`, which is `(columns, depth)` row-major.
@@ -61,21 +57,18 @@ impl Panels {
     /// # Panics
     /// Panics if `b` is too short.
     pub fn pack_transposed(&mut self, b: &[f32], depth: usize, columns: usize) {
-        self.prepare(depth, columns);
-        for (panel, from) in
-            self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width))
-        {
-            let count = self.width.min(columns - from);
-            kernel::transpose(
-                &b[from * depth..][..count * depth],
-                (count, depth),
-                panel,
-                self.width,
-            );
-        }
+        self.fill(depth, columns, |panel, width, from, count| {
+            kernel::transpose(&b[from * depth..][..count * depth], (count, depth), panel, width);
+        });
     }
 
-    fn prepare(&mut self, depth: usize, columns: usize) {
+    /// Calls `fill` for each panel, with its width, its first column and how many there are.
+    fn fill(
+        &mut self,
+        depth: usize,
+        columns: usize,
+        fill: impl Fn(&mut [f32], usize, usize, usize),
+    ) {
         let width = Arch::new().dispatch(PanelWidth);
         let length = columns.div_ceil(width) * width * depth;
         if (self.depth, self.columns) != (depth, columns) || self.data.len() != length {
@@ -84,6 +77,8 @@ impl Panels {
             self.data.resize(length, 0.0);
         }
         (self.depth, self.columns, self.width) = (depth, columns, width);
+        let panels = self.data.chunks_exact_mut(depth * width).zip((0..columns).step_by(width));
+        panels.for_each(|(panel, from)| fill(panel, width, from, width.min(columns - from)));
     }
 
     /// Computes the columns of `out = left * self` from `from` on, `(rows, columns - from)`

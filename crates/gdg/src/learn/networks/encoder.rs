@@ -95,7 +95,6 @@ impl Encoder {
         self.plain_state_width() + self.grid_width()
     }
 
-    /// Writes the plain row of `state`.
     pub fn plain_state(&self, state: &[f32], row: &mut [f32]) {
         let (scaled, fourier) = row.split_at_mut(self.spec.state_dim());
         for (i, u) in scaled.iter_mut().enumerate() {
@@ -154,7 +153,6 @@ impl Encoder {
         }
     }
 
-    /// Adds the grid reads of `goal` to `places`.
     pub fn locate_goal(&self, goal: &[f32], places: &mut GridReads) {
         if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
@@ -314,9 +312,7 @@ impl Encoder {
 pub struct SharedFeatures {
     /// `(rows, plain_pair_width)`.
     pub rows: Vec<f32>,
-    /// Grid reads of the states.
     pub states: GridReads,
-    /// Grid reads of the goals.
     pub goals: GridReads,
 }
 

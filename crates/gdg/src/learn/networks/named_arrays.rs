@@ -30,7 +30,6 @@ use crate::learn::networks::shapes::Shapes;
 pub struct ActorExport {
     /// The weights, in order.
     pub tensors: Vec<NamedTensor>,
-    /// How inputs are computed.
     pub inputs: ActorInputs,
 }
 
@@ -44,14 +43,12 @@ pub struct ActorExport {
 pub struct CriticsExport {
     /// The weights, each network's named as the actor's after the network's own name.
     pub tensors: Vec<NamedTensor>,
-    /// What the outputs mean.
     pub outputs: CriticOutputs,
 }
 
 /// What the outputs of critics and model mean, and how lookahead uses them.
 #[derive(Clone, Debug, Serialize)]
 pub struct CriticOutputs {
-    /// Number of critics.
     pub critics: usize,
     /// Steps of D at an output of 1, about.
     pub distance_scale: f32,
@@ -68,14 +65,12 @@ pub struct CriticOutputs {
     pub min_gain_steps: f32,
 }
 
-/// An array by name.
 #[derive(Clone, Debug)]
 pub struct NamedTensor {
     /// `layerI.weight` (inputs, hidden) and `layerI.bias` (hidden), `output.weight` (action_dim,
     /// hidden) and `output.bias` (action_dim), and `gridI` (corners of the last axis, ..., corners
     /// of the first axis, channels).
     pub name: String,
-    /// Its shape.
     pub shape: Vec<usize>,
     /// Its values, row-major.
     pub values: Vec<f32>,

@@ -62,7 +62,6 @@ struct PlainRows<'a> {
     /// Rows of length `stride` that begin with those of the states.
     rows: &'a [f32],
     stride: usize,
-    /// Grid reads of the states.
     positions: &'a GridReads,
 }
 

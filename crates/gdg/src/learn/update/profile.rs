@@ -38,7 +38,6 @@ impl Sum for Losses {
     }
 }
 
-/// A phase of training that is timed on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TrainingPhase {
     /// Acting, the environment, candidates and bridge searches.
@@ -111,12 +110,10 @@ impl Profile {
         now
     }
 
-    /// Adds time spent in `phase`.
     pub fn add(&mut self, phase: TrainingPhase, spent: Duration) {
         self.0[phase as usize] += spent;
     }
 
-    /// Returns the time spent in `phase`.
     pub fn spent(&self, phase: TrainingPhase) -> Duration {
         self.0[phase as usize]
     }

@@ -39,18 +39,14 @@ struct Shared {
     /// Critics, model and actor, as far as the learner has them.
     networks: Vec<(NetworkPlan, Network)>,
     parts: Vec<Mutex<BatchPart>>,
-    /// The latest batch.
     batch: RwLock<Batch>,
     /// Grid table corners around each set of the batch's positions.
     touched: Vec<RwLock<TouchedCorners>>,
 }
 
-/// A network to create.
 struct NetworkPlan {
-    /// Its name in checkpoints.
     name: String,
     mlp: Mlp,
-    /// Whether it has a running average.
     is_averaged: bool,
     /// The set of positions that it reads.
     positions: usize,

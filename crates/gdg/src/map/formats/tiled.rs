@@ -92,7 +92,6 @@ fn read(source: &Source) -> MapResult<Grid> {
     rows.finish(source, WALLS)
 }
 
-/// Returns an attribute of the map that is a size.
 fn size(text: &TextFile, root: Node, name: &str) -> MapResult<usize> {
     let value = root.attribute(name).unwrap_or_default();
     let problem = || format!("{name} {value:?} of the map is not a size");
@@ -100,7 +99,6 @@ fn size(text: &TextFile, root: Node, name: &str) -> MapResult<usize> {
     size.ok_or_else(|| fault(text, root, problem(), HELP))
 }
 
-/// Returns where a layer has tiles.
 fn tiles(text: &TextFile, layer: Node, width: usize, height: usize) -> MapResult<Vec<bool>> {
     let data = layer.children().find(|node| node.has_tag_name("data"));
     let data = data.ok_or_else(|| fault(text, layer, "this layer has no data", HELP))?;

@@ -83,7 +83,6 @@ pub fn tree_from<'a>(text: &'a TextFile<'a>, from: usize) -> MapResult<Node<'a>>
 struct YamlReader<'a> {
     text: &'a TextFile<'a>,
     parser: Parser<'a, StrInput<'a>>,
-    /// Where it begins.
     first: TextPosition,
     /// Values that it may still have.
     left: usize,

@@ -1,6 +1,6 @@
 //! Changes to a run in progress: its world, settings, method or scales.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::persistence::LastGood;
@@ -27,7 +27,8 @@ const CHANGE_STAGES: usize = 3;
 
 const TOLD_EVERY: usize = 1000;
 
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct WorldChange {
     #[serde(skip)]
     pub summary: String,

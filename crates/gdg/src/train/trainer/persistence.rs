@@ -35,7 +35,7 @@ pub(super) struct LastGood {
 }
 
 /// A rollback to earlier networks.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recovery {
     /// The update after which numbers were not finite.
     pub updates: u64,
