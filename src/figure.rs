@@ -50,7 +50,7 @@ impl FigureFormat {
     pub fn encode_with_table(self, sheet: &Sheet, table: &[u8]) -> Result<Vec<u8>, Report> {
         let mut file = self.encode(sheet)?;
         let (at, before) = match self {
-            Self::Svg => (file.len(), &b"<!-- "[..]),
+            Self::Svg => return Ok(text_with_sums(file, table)),
             // Its last chunk has twelve bytes.
             Self::Png => (file.len() - 12, PNG_COMMENT),
             Self::Pdf => {
@@ -58,30 +58,45 @@ impl FigureFormat {
             }
         };
         let end = file.split_off(at);
-        file.extend(before);
-        let [own, behind] = [&file, table].map(crc32fast::hash);
-        file.extend([MARK, format!("{own:08x} {behind:08x}").as_bytes()].concat());
-        match self {
-            Self::Svg => file.extend(b" -->\n"),
-            Self::Png => file.extend(crc32fast::hash(&file[at + 4..]).to_be_bytes()),
-            Self::Pdf => file.push(b'\n'),
-        }
+        file = with_sums(file, before, table);
+        let sum = crc32fast::hash(&file[at + 4..]).to_be_bytes();
+        file.extend(if self == Self::Png { &sum[..] } else { b"\n" });
         Ok([file, end].concat())
     }
 }
 
-/// What the checksums of a figure come after.
+/// What the checksums of a file come after.
 const MARK: &[u8] = b"gdg-tui ";
 
 /// The beginning of a chunk with the checksums: its length without this and its own checksum.
 const PNG_COMMENT: &[u8] = b"\0\0\0\x21tEXtComment\0";
 
-/// Returns the checksum of the table behind a figure, if the figure is as this program has made it.
-pub fn table_behind(figure: &[u8]) -> Option<u32> {
-    let at = figure.windows(MARK.len()).rposition(|part| part == MARK)?;
-    let sums = figure[at + MARK.len()..].first_chunk::<17>()?;
+/// Adds `before` and checksums of a file and of the table behind it.
+fn with_sums(mut file: Vec<u8>, before: &[u8], table: &[u8]) -> Vec<u8> {
+    file.extend(before);
+    let [own, behind] = [&file, table].map(crc32fast::hash);
+    file.extend([MARK, format!("{own:08x} {behind:08x}").as_bytes()].concat());
+    file
+}
+
+/// Adds a comment with the checksums to text in XML or Markdown.
+pub fn text_with_sums(text: Vec<u8>, table: &[u8]) -> Vec<u8> {
+    [with_sums(text, b"<!-- ", table), b" -->\n".to_vec()].concat()
+}
+
+/// Largest file that is recognised as one of this program.
+pub const MOST_BYTES: u64 = 64 << 20;
+
+/// Returns the checksum of the table behind a file, if the file is as this program has made it.
+pub fn table_behind(file: &Path) -> Option<u32> {
+    let file = gdg::files::read(file, MOST_BYTES).ok()?;
+    let at = file.windows(MARK.len()).rposition(|part| part == MARK)?;
+    let (sums, after) = file[at + MARK.len()..].split_first_chunk::<17>()?;
     let number = |digits| u32::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok();
-    (number(&sums[..8])? == crc32fast::hash(&figure[..at])).then(|| number(&sums[9..]))?
+    // The ends of PNG and PDF are longer, and nobody adds to those by hand.
+    let is_whole = after.len() <= if after.starts_with(b" -->") { 5 } else { 32 };
+    let is_own = is_whole && number(&sums[..8])? == crc32fast::hash(&file[..at]);
+    is_own.then(|| number(&sums[9..]))?
 }
 
 #[cfg(test)]

@@ -157,7 +157,9 @@ fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
     let scenario: String =
         (0..9).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
     let config = serde_json::to_string_pretty(&train::Preset::Default.settings()).unwrap();
-    let (ascii, movingai) = (map::print_ascii(&grid), map::print_movingai(&grid));
+    let ascii = map::print_ascii(&grid);
+    let (height, width) = (grid.height(), grid.width());
+    let movingai = format!("type octile\nheight {height}\nwidth {width}\nmap\n{ascii}");
     let path = folder.path().join("file");
     let mut taken = [0; 4];
     for _ in 0..count {

@@ -87,10 +87,13 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
         let own = file(name);
         let mut edited = own.clone();
         edited[own.len() / 2] ^= 1;
-        std::fs::write(folder.path().join(name), edited).unwrap();
-        let refused = plot(folder.path(), &[&["."], &out[..]].concat());
-        assert_eq!(refused.status, Some(2), "{name}");
-        has_parts(&refused.err, &[&format!("{name}: the file already exists"), "--overwrite"]);
+        let added = if name == "fig.svg" { "x" } else { "an incremental update of a document" };
+        for edited in [edited, [&own, added.as_bytes()].concat()] {
+            std::fs::write(folder.path().join(name), edited).unwrap();
+            let refused = plot(folder.path(), &[&["."], &out[..]].concat());
+            assert_eq!(refused.status, Some(2), "{name}");
+            has_parts(&refused.err, &[&format!("{name}: the file already exists"), "--overwrite"]);
+        }
         std::fs::write(folder.path().join(name), own).unwrap();
     }
     // The table is one of its own as long as a figure beside it says so.

@@ -129,7 +129,8 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
         ],
     );
 
-    // A figure that somebody has edited is kept.
+    // A figure and a report that somebody has edited are kept.
+    std::fs::write(place.path("out/report.md"), report + "Mine.\n").unwrap();
     let curves = place.path("out/success.svg");
     let edited = std::fs::read_to_string(&curves).unwrap().replace("success rate", "share reached");
     std::fs::write(&curves, &edited).unwrap();
@@ -137,6 +138,8 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
     assert_eq!((second.status, &second.out), (Some(0), &first.out));
     has_parts(&second.err, &["6 jobs done, 0 to run", "success.svg: the file already exists"]);
     assert_eq!(std::fs::read_to_string(curves).unwrap(), edited);
+    has_parts(&second.err, &["report.md: not as gdg-tui has written it, so it is left as it is"]);
+    assert!(std::fs::read_to_string(place.path("out/report.md")).unwrap().ends_with("Mine.\n"));
     assert!(!second.err.contains("begins"), "{}", second.err);
     assert_eq!(place.results("out"), results, "even the times are the same");
 
@@ -431,13 +434,14 @@ fn what_another_process_runs_is_named() {
 fn files_of_others_are_not_replaced() {
     let place = Place::new();
     std::fs::create_dir_all(place.path("out/pictures")).unwrap();
-    std::fs::write(place.path("out/pictures/mine.png"), "mine").unwrap();
-    let ran = place.run(&["maps/open.map", "--seeds", "1", "--out", "out"]);
-    assert_eq!(ran.status, Some(2), "{}", ran.err);
-    has_parts(
-        &ran.err,
-        &["pictures: was not written by gdg-tui and is not replaced", "a folder of its own"],
-    );
+    let files = ["report.md", "success.csv", "pictures/mine.png"];
+    let files = files.map(|name| place.path("out").join(name));
+    files.iter().for_each(|file| std::fs::write(file, "mine").unwrap());
+    let ran = place.run(&["maps/open.map", "--budget", "30", "--out", "out"]);
+    assert_eq!(ran.status, Some(0), "{}", ran.err);
+    has_parts(&ran.err, &["report.md: not as gdg-tui has written it", "success.csv: the file"]);
+    assert!(files.iter().all(|file| std::fs::read_to_string(file).unwrap() == "mine"));
+    assert!(!place.path("out/success.svg").exists(), "no figure without its table");
 }
 
 #[cfg(target_os = "linux")]

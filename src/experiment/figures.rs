@@ -221,7 +221,7 @@ impl Reproduction<'_> {
         }
         let of_paper = figures.iter().any(|(figure, _)| figure.is_of_paper());
         let head = head(&options.figures, options.budget, of_paper, missing);
-        folder.write("report.md", (head + &sections).as_bytes())?;
+        folder.write_report(head + &sections)?;
         print(&sections)
     }
 }

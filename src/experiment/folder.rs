@@ -12,8 +12,10 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::spec::{JobResult, JobSpec};
-use crate::setup::outputs::elsewhere;
+use crate::figure::{table_behind, text_with_sums};
+use crate::setup::outputs::{elsewhere, write_file};
 use gdg::files::{self, FileFormat, LockFile, Mismatch, Wanted, has_extension, is_hidden};
+use gdg::printing::eprint_line;
 use gdg::text::{escape_json_line, sanitized};
 use gdg::train::{describe, is_checkpoint, remove_own};
 
@@ -23,10 +25,6 @@ const MOVE_AWAY: &str = "move it away, or give --out another folder";
 
 const FORMATS: &[FileFormat] = &[FileFormat::Json, FileFormat::Text];
 const RESULT: Wanted = Wanted { name: "the result of a job", help: MOVE_AWAY, own: FORMATS };
-
-/// What experiments write besides `jobs`.
-const REPORTS: [&str; 6] =
-    ["report.md", "success.svg", "success.csv", "pictures", "data", "figures"];
 
 pub fn read_result(path: &Path) -> Result<JobResult, Report> {
     let problem =
@@ -48,21 +46,8 @@ pub fn read_result(path: &Path) -> Result<JobResult, Report> {
 pub struct Folder(pub PathBuf);
 
 impl Folder {
-    /// Checks that it can be written to, and creates it if needed; refuses a folder that has never
-    /// had jobs but already contains what would be replaced.
+    /// Checks that it can be written to.
     pub fn check_writable(&self) -> Result<(), Report> {
-        let is_used = |path: &PathBuf| {
-            path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some())
-        };
-        if !self.0.join("jobs").exists()
-            && let Some(other) = REPORTS.map(|name| self.0.join(name)).into_iter().find(is_used)
-        {
-            let (help, other) = ("give --out a folder of its own", other.display());
-            return Err(miette!(
-                help = help,
-                "{other}: was not written by gdg-tui and is not replaced"
-            ));
-        }
         ["report.md", "jobs/NAME.json"].map(|name| self.0.join(name)).iter().try_for_each(|path| {
             files::check_writable(path).map_err(|error| {
                 let (help, path) = ("give --out a writable folder", path.display());
@@ -86,9 +71,18 @@ impl Folder {
     }
 
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
-        let path = self.path(name);
-        let written = files::write_atomically(&path, bytes).into_diagnostic();
-        written.wrap_err_with(|| path.display().to_string())
+        write_file(&self.path(name), bytes).map(drop)
+    }
+
+    /// Writes the report, unless the one there is not as this program has written it, which is said.
+    pub fn write_report(&self, text: String) -> Result<(), Report> {
+        let path = self.path("report.md");
+        if path.exists() && table_behind(&path).is_none() {
+            let why = "not as gdg-tui has written it, so it is left as it is";
+            eprint_line(&format!("{}: {why}: move it away to have a new one", path.display()));
+            return Ok(());
+        }
+        self.write("report.md", &text_with_sums(text.into_bytes(), b""))
     }
 
     pub fn checkpoint(&self, job: &JobSpec) -> PathBuf {

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::folder::Folder;
 use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
-use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, Sheet, table_behind};
+use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, MOST_BYTES, Sheet, table_behind};
 use crate::process::waiting::Waiting;
 use crate::setup::outputs::{refuse_existing, write_file};
 use gdg::files::{named, read};
@@ -22,9 +22,6 @@ pub use lines::{Grouping, Points, SeedCurves, table};
 
 pub const COLUMN: f32 = 84.0 * MILLIMETRE;
 pub const PAGE: f32 = 174.0 * MILLIMETRE;
-
-/// Largest figure or table that is recognised as one of this program.
-const MOST_BYTES: u64 = 64 << 20;
 
 /// Width of a chart among several side by side, at least.
 const PANEL_WIDTH: f32 = 160.0;
@@ -247,12 +244,10 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
         [] => vec![beside(first, options.y.name())],
         out => out.to_vec(),
     };
-    let format = |path: &PathBuf| {
+    if let Some(path) = out.iter().find(|path| FigureFormat::of(path).is_none()) {
         let help = "give --out a file that ends in .svg, .png or .pdf";
-        FigureFormat::of(path)
-            .ok_or_else(|| miette!(help = help, "{}: not a figure", path.display()))
-    };
-    let formats = out.iter().map(format).collect::<Result<Vec<_>, _>>()?;
+        return Err(miette!(help = help, "{}: not a figure", path.display()));
+    }
     let table = out[0].with_extension("csv");
     refuse_edited(&out, &table, options.overwrite)?;
     let reading = Waiting::on("reading the runs");
@@ -260,37 +255,42 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
-    let encode = |format: FigureFormat| format.encode_with_table(&drawn.sheet, &drawn.table);
-    let figures = formats.into_iter().map(encode).collect::<Result<Vec<_>, _>>()?;
+    let lines = write_with_table(&out, (&table, &drawn.table), &drawn.sheet)?;
     drop(drawing);
     notes.extend(drawn.notes);
     notes.iter().for_each(|note| eprint_line(note));
     eprint_line(&drawn.caption);
-    let mut lines = String::new();
-    remove_table(&table)?;
-    for (path, figure) in out.iter().zip(figures) {
-        lines += &write_file(path, &figure)?;
-    }
-    Ok(lines + &write_file(&table, &drawn.table)?)
+    Ok(lines)
 }
 
 /// Rejects figures that are there but not as this program has made them, and a table that is none
 /// behind a figure beside it.
 fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(), Report> {
-    let behind = |figure: &Path| table_behind(&read(figure, MOST_BYTES).ok()?);
     for path in figures {
-        refuse_existing(path, overwrite || behind(path).is_some())?;
+        refuse_existing(path, overwrite || table_behind(path).is_some())?;
     }
     let found = read(table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
     let beside = FigureFormat::ALL.map(|format| table.with_extension(format.extension()));
-    let mut known = beside.iter().chain(figures).map(|figure| behind(figure));
+    let mut known = beside.iter().chain(figures).map(|figure| table_behind(figure));
     refuse_existing(table, overwrite || found.is_some() && known.any(|known| known == found))
 }
 
-/// Removes a table before figures with another one are written: killed in between, the program would
-/// take it for edited.
-fn remove_table(table: &Path) -> Result<(), Report> {
-    if table.exists() { std::fs::remove_file(table).into_diagnostic() } else { Ok(()) }
+/// Writes figures and the table behind them, which is removed first: killed in between, the program
+/// would take it for edited. Returns a line for each.
+fn write_with_table(
+    figures: &[PathBuf],
+    (table, rows): (&Path, &[u8]),
+    sheet: &Sheet,
+) -> Result<String, Report> {
+    let encode = |path: &PathBuf| {
+        FigureFormat::of(path).unwrap_or(FigureFormat::Svg).encode_with_table(sheet, rows)
+    };
+    let encoded = figures.iter().map(encode).collect::<Result<Vec<_>, _>>()?;
+    if table.exists() {
+        std::fs::remove_file(table).into_diagnostic()?;
+    }
+    let files = figures.iter().zip(&encoded).map(|(path, figure)| write_file(path, figure));
+    files.chain(std::iter::once_with(|| write_file(table, rows))).collect()
 }
 
 /// Writes figures and the table behind them to the folder of an experiment. If somebody has edited one
@@ -306,12 +306,7 @@ pub fn write_unless_edited(
         eprint_line(&format!("{problem}, edited: figure and table are left as they are"));
         return Ok(());
     }
-    remove_table(&folder.path(table.0))?;
-    for name in figures {
-        let format = FigureFormat::of(Path::new(name)).unwrap_or(FigureFormat::Svg);
-        folder.write(name, &format.encode_with_table(sheet, table.1)?)?;
-    }
-    folder.write(table.0, table.1)
+    write_with_table(&paths, (&folder.path(table.0), table.1), sheet).map(drop)
 }
 
 fn beside(path: &Path, name: &str) -> PathBuf {

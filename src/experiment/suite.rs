@@ -225,7 +225,7 @@ impl Suite<'_> {
             let (rows, problems) = rows(&self.jobs.all, folder);
             problems.iter().for_each(|error| eprint_line(&format!("{error}: left out")));
             let caption = self.draw_curves(&rows)?;
-            folder.write("report.md", report(&rows, folder, caption.as_deref()).as_bytes())?;
+            folder.write_report(report(&rows, folder, caption.as_deref()))?;
             print(&table(&rows, self.markdown))
         })
     }

@@ -145,9 +145,8 @@ impl ChartPage<'_> {
         if !names.is_empty() {
             top = legend(&mut sheet, &names, top);
         }
-        let ticks =
-            self.charts.iter().flat_map(|chart| tick_labels(&round_ticks(0.0, chart.top, 6)));
-        let ticks = ticks.map(|text| text_width(&text, LETTERS)).fold(0.0, f32::max);
+        let ticks = self.charts.iter().flat_map(|chart| ticks(0.0, chart.top, 6));
+        let ticks = ticks.map(|(_, text)| text_width(&text, LETTERS)).fold(0.0, f32::max);
         let left = LETTERS * 1.3 + GAP + ticks + GAP + TICK;
         let (below, labelled) = (TICK + GAP + LETTERS, LETTERS * 1.4);
         let shape = if columns == 1 && self.charts.len() > 1 { FLAT } else { SHAPE };
@@ -215,18 +214,16 @@ impl Placed<'_> {
     fn axes(&self, sheet: &mut Sheet, start: f32, labelled: [bool; 2]) {
         let (Area { left, top, right, bottom }, chart) = (self.area, self.chart);
         sheet.text([left, top - 0.6 * TITLE], &chart.title, TITLE, Anchor::Start, INK);
-        let ticks = round_ticks(0.0, chart.top, 6);
-        for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
-            let [_, y] = self.at(chart.x[0], *value);
+        for (value, label) in ticks(0.0, chart.top, 6) {
+            let [_, y] = self.at(chart.x[0], value);
             sheet.line(vec![[left, y], [right, y]], GRID, GRID_INK);
             sheet.line(vec![[left - TICK, y], [left, y]], AXIS, INK);
             let place = [left - TICK - GAP, y + 0.36 * LETTERS];
             sheet.text(place, &label, LETTERS, Anchor::End, INK);
         }
         let most = ((right - left) / TICKS_APART) as usize;
-        let ticks = round_ticks(chart.x[0], chart.x[1], most);
-        for (value, label) in ticks.iter().zip(tick_labels(&ticks)) {
-            let [x, _] = self.at(*value, 0.0);
+        for (value, label) in ticks(chart.x[0], chart.x[1], most) {
+            let [x, _] = self.at(value, 0.0);
             sheet.line(vec![[x, bottom], [x, bottom + TICK]], AXIS, INK);
             let place = [x, bottom + TICK + GAP + 0.75 * LETTERS];
             sheet.text(place, &label, LETTERS, Anchor::Middle, INK);
@@ -281,10 +278,11 @@ fn round_ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     all.into_iter().find(|ticks| ticks.len() <= most.max(2)).unwrap_or_else(|| vec![low, high])
 }
 
-/// Writes the ticks of one axis, all in the same unit: 40k, 0.2.
-fn tick_labels(ticks: &[f64]) -> Vec<String> {
+/// Returns the [`round_ticks`] of an axis with their labels, all in the same unit: 40k, 0.2.
+fn ticks(low: f64, high: f64, most: usize) -> impl Iterator<Item = (f64, String)> {
+    let ticks = round_ticks(low, high, most);
     let largest = ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.abs()));
-    ticks.iter().map(|tick| in_unit_of(*tick, largest)).collect()
+    ticks.into_iter().map(move |tick| (tick, in_unit_of(tick, largest)))
 }
 
 fn in_unit_of(value: f64, largest: f64) -> String {
@@ -303,13 +301,12 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_few() {
-        assert_eq!(tick_labels(&round_ticks(0.0, 1.0, 6)), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
-        assert_eq!(tick_labels(&round_ticks(0.0, 58_731.0, 4)), ["0", "20k", "40k"]);
-        assert_eq!(
-            tick_labels(&round_ticks(3.0, 1_100.0, 6)),
-            ["200", "400", "600", "800", "1000"]
-        );
-        assert_eq!(tick_labels(&round_ticks(0.0, 0.031, 4)), ["0", "0.01", "0.02", "0.03"]);
+        let labels =
+            |low, high, most| ticks(low, high, most).map(|tick| tick.1).collect::<Vec<_>>();
+        assert_eq!(labels(0.0, 1.0, 6), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
+        assert_eq!(labels(0.0, 58_731.0, 4), ["0", "20k", "40k"]);
+        assert_eq!(labels(3.0, 1_100.0, 6), ["200", "400", "600", "800", "1000"]);
+        assert_eq!(labels(0.0, 0.031, 4), ["0", "0.01", "0.02", "0.03"]);
         assert_eq!(round_ticks(5.0, 5.0, 4), [5.0]);
         assert_eq!(
             [0.2, 40.0, 40_000.0, 2e6].map(|value| in_unit_of(value, value)),

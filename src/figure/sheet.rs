@@ -191,30 +191,34 @@ const RESOLUTION: f32 = 300.0;
 /// A pixel of a PNG, in points.
 pub const PIXEL: f32 = 72.0 / RESOLUTION;
 
-/// Objects of a PDF; the last one is the opacity of bands.
-const CATALOG: i32 = 1;
-const PAGES: i32 = 2;
-const PAGE: i32 = 3;
-const CONTENT: i32 = 4;
-const INFO: i32 = 5;
-const BAND: i32 = 6;
+/// A line, a polygon or letters, and how they are drawn.
+struct Drawing {
+    path: Path,
+    colour: Rgb,
+    opacity: f32,
+    /// Of lines; all else is filled.
+    width: Option<f32>,
+}
 
-/// Returns the line, polygon or letters that a mark consists of, if it is not a picture.
-fn path_of(mark: &Mark) -> Option<Path> {
-    let (points, closed) = match mark {
-        Mark::Line { points, .. } => (points, false),
-        Mark::Area { points, .. } => (points, true),
-        Mark::Text(text) => return outline(text),
+/// Returns what a mark is drawn as, if it is not a picture.
+fn drawing_of(mark: &Mark) -> Option<Drawing> {
+    let (points, colour, opacity, width) = match mark {
+        Mark::Line { points, width, colour } => (points, *colour, 1.0, Some(*width)),
+        Mark::Area { points, colour, opacity } => (points, *colour, *opacity, None),
+        Mark::Text(text) => {
+            let (path, colour) = (outline(text)?, text.colour);
+            return Some(Drawing { path, colour, opacity: 1.0, width: None });
+        }
         Mark::Picture { .. } => return None,
     };
     let mut path = PathBuilder::new();
     for (i, [x, y]) in points.iter().enumerate() {
         if i == 0 { path.move_to(*x, *y) } else { path.line_to(*x, *y) }
     }
-    if closed {
+    if width.is_none() {
         path.close();
     }
-    path.finish()
+    Some(Drawing { path: path.finish()?, colour, opacity, width })
 }
 
 pub fn png(sheet: &Sheet) -> Result<Vec<u8>, Report> {
@@ -235,39 +239,26 @@ pub fn png(sheet: &Sheet) -> Result<Vec<u8>, Report> {
 }
 
 fn paint(pixmap: &mut Pixmap, mark: &Mark, zoom: Transform) {
-    let ink = |(r, g, b): Rgb, opacity: f32| {
+    if let Some(Drawing { path, colour: (r, g, b), opacity, width }) = drawing_of(mark) {
         let mut paint = Paint { anti_alias: true, ..Paint::default() };
         paint.set_color_rgba8(r, g, b, (255.0 * opacity).round() as u8);
-        paint
-    };
-    let path = path_of(mark);
-    match (mark, path) {
-        (Mark::Line { width, colour, .. }, Some(path)) => {
-            let (line_cap, line_join) = (LineCap::Round, LineJoin::Round);
-            let stroke = Stroke { width: *width, line_cap, line_join, ..Stroke::default() };
-            pixmap.stroke_path(&path, &ink(*colour, 1.0), &stroke, zoom, None);
+        let (line_cap, line_join) = (LineCap::Round, LineJoin::Round);
+        match width.map(|width| Stroke { width, line_cap, line_join, ..Stroke::default() }) {
+            Some(stroke) => pixmap.stroke_path(&path, &paint, &stroke, zoom, None),
+            None => pixmap.fill_path(&path, &paint, FillRule::Winding, zoom, None),
         }
-        (Mark::Area { colour, opacity, .. }, Some(path)) => {
-            pixmap.fill_path(&path, &ink(*colour, *opacity), FillRule::Winding, zoom, None);
-        }
-        (Mark::Text(text), Some(path)) => {
-            pixmap.fill_path(&path, &ink(text.colour, 1.0), FillRule::Winding, zoom, None);
-        }
-        (Mark::Picture { at, size, picture }, _) => {
-            let (columns, rows) = picture.size();
-            let Some(mut pixels) = Pixmap::new(columns as u32, rows as u32) else { return };
-            for (to, (r, g, b)) in pixels.pixels_mut().iter_mut().zip(picture.pixels()) {
-                *to = PremultipliedColorU8::from_rgba(*r, *g, *b, u8::MAX).unwrap_or(*to);
-            }
-            let place = zoom
-                .pre_translate(at[0], at[1])
-                .pre_scale(size[0] / columns as f32, size[1] / rows as f32);
-            // Cells of maps keep their edges.
-            let paint = PixmapPaint { quality: FilterQuality::Nearest, ..PixmapPaint::default() };
-            pixmap.draw_pixmap(0, 0, pixels.as_ref(), &paint, place, None);
-        }
-        (_, None) => {}
     }
+    let Mark::Picture { at, size, picture } = mark else { return };
+    let (columns, rows) = picture.size();
+    let Some(mut pixels) = Pixmap::new(columns as u32, rows as u32) else { return };
+    for (to, (r, g, b)) in pixels.pixels_mut().iter_mut().zip(picture.pixels()) {
+        *to = PremultipliedColorU8::from_rgba(*r, *g, *b, u8::MAX).unwrap_or(*to);
+    }
+    let place =
+        zoom.pre_translate(at[0], at[1]).pre_scale(size[0] / columns as f32, size[1] / rows as f32);
+    // Cells of maps keep their edges.
+    let paint = PixmapPaint { quality: FilterQuality::Nearest, ..PixmapPaint::default() };
+    pixmap.draw_pixmap(0, 0, pixels.as_ref(), &paint, place, None);
 }
 
 pub fn svg(sheet: &Sheet) -> Result<String, Report> {
@@ -347,49 +338,45 @@ pub fn pdf(sheet: &Sheet) -> Vec<u8> {
         _ => None,
     });
     let mut pdf = Pdf::new();
-    pdf.catalog(Ref::new(CATALOG)).pages(Ref::new(PAGES));
-    pdf.pages(Ref::new(PAGES)).kids([Ref::new(PAGE)]).count(1);
-    let mut page = pdf.page(Ref::new(PAGE));
+    let [of_catalog, of_pages, of_page, of_content, of_info, of_band] =
+        [1, 2, 3, 4, 5, 6].map(Ref::new);
+    pdf.catalog(of_catalog).pages(of_pages);
+    pdf.pages(of_pages).kids([of_page]).count(1);
+    let mut page = pdf.page(of_page);
     page.media_box(Rect::new(0.0, 0.0, width, height));
-    page.parent(Ref::new(PAGES)).contents(Ref::new(CONTENT));
+    page.parent(of_pages).contents(of_content);
     let mut resources = page.resources();
-    resources.ext_g_states().pair(Name(b"Band"), Ref::new(BAND));
+    resources.ext_g_states().pair(Name(b"Band"), of_band);
     resources.finish();
     page.finish();
-    pdf.ext_graphics(Ref::new(BAND)).non_stroking_alpha(band.unwrap_or(1.0));
+    pdf.ext_graphics(of_band).non_stroking_alpha(band.unwrap_or(1.0));
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
     let packed = encoder.write_all(&content.finish()).and_then(|()| encoder.finish());
     // Writing to memory does not fail.
     let packed = packed.unwrap_or_default();
-    pdf.stream(Ref::new(CONTENT), &packed).filter(Filter::FlateDecode);
-    let mut info = pdf.document_info(Ref::new(INFO));
+    pdf.stream(of_content, &packed).filter(Filter::FlateDecode);
+    let mut info = pdf.document_info(of_info);
     info.title(TextStr(&sheet.title)).producer(TextStr("gdg-tui"));
     info.finish();
     pdf.finish()
 }
 
 fn add(content: &mut Content, mark: &Mark) {
-    let shares = |(r, g, b): Rgb| [r, g, b].map(|part| f32::from(part) / 255.0);
     // Only figures of maps have pictures, and those are never written as PDF.
-    let Some(path) = path_of(mark) else { return };
+    let Some(Drawing { path, colour: (r, g, b), opacity, width }) = drawing_of(mark) else {
+        return;
+    };
+    let [r, g, b] = [r, g, b].map(|part| f32::from(part) / 255.0);
     content.save_state();
-    match mark {
-        Mark::Line { width, colour, .. } => {
-            let [r, g, b] = shares(*colour);
-            content.set_stroke_rgb(r, g, b).set_line_width(*width);
-        }
-        Mark::Area { colour, .. } | Mark::Text(Text { colour, .. }) => {
-            let [r, g, b] = shares(*colour);
-            content.set_fill_rgb(r, g, b);
-        }
-        Mark::Picture { .. } => {}
-    }
-    if matches!(mark, Mark::Area { opacity, .. } if *opacity < 1.0) {
+    match width {
+        Some(width) => content.set_stroke_rgb(r, g, b).set_line_width(width),
+        None => content.set_fill_rgb(r, g, b),
+    };
+    if opacity < 1.0 {
         content.set_parameters(Name(b"Band"));
     }
     trace(content, &path);
-    let is_line = matches!(mark, Mark::Line { .. });
-    if is_line {
+    if width.is_some() {
         content.stroke()
     } else {
         content.fill_nonzero()

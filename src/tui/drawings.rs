@@ -21,7 +21,7 @@ use crate::headless::metrics::Curves;
 use crate::tui::choices::ExportKind;
 use gdg::draw::Picture;
 use gdg::engine::Snapshot;
-use gdg::files::{self, write_atomically};
+use gdg::files;
 use gdg::train::Evaluation;
 
 const EXPORT_FOLDER: &str = "exports";
@@ -52,11 +52,10 @@ pub fn begin(
     Ok(move || {
         // A paused run may be exported several times.
         let end = format!("-{}.{}", kind.stem(noun), kind.file_type());
-        let path = files::unused_path(&files::named(Path::new(EXPORT_FOLDER), &name, &end));
-        match encode().and_then(|bytes| Ok(write_atomically(&path, &bytes)?)) {
-            Ok(()) => Ok(format!("wrote {}", path.display())),
-            Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
-        }
+        let path = files::named(Path::new(EXPORT_FOLDER), &name, &end);
+        let written = encode().and_then(|bytes| Ok(files::write_to_unused(&path, &bytes)?));
+        let written = written.map(|path| format!("wrote {}", path.display()));
+        written.map_err(|error| format!("{} cannot be written: {error}", path.display()))
     })
 }
 

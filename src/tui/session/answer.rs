@@ -170,27 +170,22 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
         Question::SaveAs => checkpoint_file(typed),
         Question::Setting(_) => return Ok(None),
     };
-    let mut replaced = file.is_file().then(|| "the file".to_owned());
-    let mut lost = None;
+    let (mut files, mut lost) = (vec![file], None);
     if *question == Question::SaveMap {
-        let image = format_for(&file).image_of(&file);
-        if std::iter::once(&file).chain(&image).any(|file| is_checkpoint(file)) {
+        files.extend(format_for(&files[0]).image_of(&files[0]));
+        if files.iter().any(|file| is_checkpoint(file)) {
             return Err("this file is a checkpoint: enter another name".to_owned());
         }
-        let image = image.filter(|image| image.is_file());
-        let image = image.map(|image| format!("its image {}", image.display()));
-        replaced = replaced
-            .into_iter()
-            .chain(image)
-            .reduce(|file, image| format!("{file} exists, {image}"));
-        lost = disk::loss(cx, typed);
+        lost = disk::loss(cx, &files[0]);
     }
-    let again = "Enter again writes it without them";
-    Ok(match (lost, replaced) {
-        (Some(lost), Some(file)) => Some(format!("{lost}, and {file} exists; {again}")),
-        (Some(lost), None) => Some(format!("{lost}; {again}")),
-        (None, replaced) => replaced.map(|file| format!("{file} exists: Enter again replaces it")),
-    })
+    let lost = lost.map(|lost| format!("{lost}; Enter again writes it without them"));
+    let there = files.iter().filter(|file| file.is_file()).map(|file| file.display().to_string());
+    let there = there.reduce(|file, image| format!("{file} and {image}"));
+    let there = there.map(|there| match &lost {
+        Some(_) => format!(" and replaces {there}"),
+        None => format!("Enter again replaces {there}"),
+    });
+    Ok(lost.into_iter().chain(there).reduce(|lost, there| lost + &there))
 }
 
 /// What an event does to a dialog.

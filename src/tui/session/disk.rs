@@ -15,9 +15,11 @@ use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;
 use crate::tui::lists::{self, Described};
-use gdg::files::{has_extension, is_hidden, write_atomically};
+use gdg::files::{has_extension, is_hidden, unused_path, write_atomically};
 use gdg::job::{Job, Running};
-use gdg::map::{Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like};
+use gdg::map::{
+    Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like, lost_from,
+};
 use gdg::train::describe;
 
 /// The largest text that is read to find out whether it is a map, in bytes.
@@ -108,25 +110,24 @@ pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
     }
     let Some(maze) = cx.scene.maze_mut() else { return Ok(()) };
     let path = Path::new(name);
-    let format = format_for(path);
-    for (path, bytes) in format.write(&maze.map, path) {
+    for (path, bytes) in format_for(path).write(&maze.map, path) {
         write_atomically(&path, &bytes)
             .map_err(|error| format!("{name} cannot be written: {error}"))?;
     }
-    let lost = format.lost(&maze.map);
-    let without =
-        if lost.is_empty() { String::new() } else { format!(" without {}", lost.join(", ")) };
     maze.kept_map = maze.map.clone();
-    cx.screen.notify(&format!("wrote {name}{without}"));
+    cx.screen.notify(&format!("wrote {name}"));
     Ok(())
 }
 
-/// Returns what a file for the map called `name` would lack, if anything.
-pub fn loss(cx: &Cx, name: &str) -> Option<String> {
-    let format = format_for(Path::new(name));
-    let lost = format.lost(&cx.scene.maze()?.map).join(" or ");
-    (!lost.is_empty())
-        .then(|| format!("the format {} has no {lost}: NAME.txt keeps them", format.name))
+/// Returns what a file for the map called `path` would lack, and the one there has, if anything.
+pub fn loss(cx: &Cx, path: &Path) -> Option<String> {
+    let (format, map) = (format_for(path), &cx.scene.maze()?.map);
+    let lost = format.lost(map).join(" or ");
+    let lost = (!lost.is_empty())
+        .then(|| format!("the format {} has no {lost}: NAME.txt keeps them", format.name));
+    let there = lost_from(path, map)
+        .map(|own| format!("the file's {own} would be lost: give {}", unused_path(path).display()));
+    lost.into_iter().chain(there).reduce(|lost, there| format!("{lost}; {there}"))
 }
 
 /// Lists the maps in `folder`, or by default built-in maps and those in the current folder.

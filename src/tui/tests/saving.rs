@@ -122,9 +122,9 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     let mut app = still();
     // A file, and the image beside a map.
     for (name, replaced, warning) in [
-        ("kept.txt", "kept.txt", "the file exists: Enter again"),
-        ("scan.yaml", "scan.pgm", "scan.pgm exists"),
-        ("scan.yaml", "scan.pgm", "and the file exists,"),
+        ("kept.txt", "kept.txt", "Enter again replaces /"),
+        ("scan.yaml", "scan.pgm", "/scan.pgm"),
+        ("scan.yaml", "scan.pgm", "scan.yaml and "),
     ] {
         std::fs::write(file(replaced), "something else").expect("a file");
         let shown = save_as(&mut app, name);
@@ -142,7 +142,12 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     press(&mut app, KeyCode::Enter);
     assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
     let shown = save_as(&mut app, "rooms.map");
-    assert!(shown.contains("keeps them, and the file"), "{shown}");
+    assert!(shown.contains("and replaces"), "{shown}");
+    press(&mut app, KeyCode::Esc);
+    // What the file there has besides a map.
+    std::fs::write(file("own.csv"), "# mine\n0,7\n").expect("a file");
+    let shown = save_as(&mut app, "own.csv");
+    assert!(shown.contains("other numbers would be lost"), "{shown}");
     press(&mut app, KeyCode::Esc);
     // A checkpoint is never replaced.
     let checkpoint = saved_run(folder.path(), &app).file;

@@ -15,7 +15,7 @@ use super::grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 use super::text_file::{MapError, MapResult, TextFile, TextPosition};
 use crate::text::counted;
 use images::Image;
-pub use plain_text::{print_ascii, print_movingai};
+pub use plain_text::print_ascii;
 pub use yaml::{AgentTask, agents, has_agents, is_mapf};
 
 /// A file that is read as a map.
@@ -59,8 +59,6 @@ fn name_of(path: &Path) -> String {
     path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-type WriteImage = fn(&Grid) -> Vec<u8>;
-
 #[derive(Debug)]
 pub struct MapFormat {
     /// Its name on the command line.
@@ -70,13 +68,13 @@ pub struct MapFormat {
     pub endings: &'static [&'static str],
     /// Which marks are lost when a map is written in it; empty if none are.
     pub loses: &'static str,
+    /// What else its files may have, which is lost when one is written over.
+    pub besides: &'static str,
     /// Whether a file's content is of this format.
     is: fn(&Source) -> bool,
     read: fn(&Source) -> MapResult<Grid>,
     /// Returns the file of a map, whose name is given.
     write: fn(&Grid, &str) -> Vec<u8>,
-    /// The image that goes with it: the ending of its name, and how it is written.
-    image: Option<(&'static str, WriteImage)>,
 }
 
 /// All formats. A file is of the first one that recognises its content; plain text is what no other
@@ -134,14 +132,13 @@ impl MapFormat {
     /// image beside it.
     pub fn write(&self, grid: &Grid, file: &Path) -> Vec<(PathBuf, Vec<u8>)> {
         let name = file.file_name().unwrap_or_default().to_string_lossy();
-        let image = self.image.map(|(_, write)| write(grid));
-        let contents = image.into_iter().chain([(self.write)(grid, &name)]);
-        self.image_of(file).into_iter().chain([file.to_owned()]).zip(contents).collect()
+        let image = self.image_of(file).map(|image| (image, images::encode_pgm(grid)));
+        image.into_iter().chain([(file.to_owned(), (self.write)(grid, &name))]).collect()
     }
 
-    /// Returns the name of the image that a map called `file` has beside it in this format, if any.
+    /// Returns the name of the image that a map of ROS called `file` has beside it.
     pub fn image_of(&self, file: &Path) -> Option<PathBuf> {
-        self.image.map(|(ending, _)| file.with_extension(ending))
+        (self.name == yaml::ROS.name).then(|| file.with_extension("pgm"))
     }
 }
 
@@ -182,6 +179,11 @@ fn marks(grid: &Grid) -> impl Iterator<Item = impl Iterator<Item = CellMark> + '
             }
         })
     })
+}
+
+/// Returns the rows of a map as text: what stands for each cell, and what between two.
+fn rows_of(grid: &Grid, cell: fn(CellMark) -> &'static str, between: &str) -> Vec<String> {
+    marks(grid).map(|row| row.map(cell).collect::<Vec<_>>().join(between)).collect()
 }
 
 /// Returns the map of these cells, row by row; `cells` says how they are written.

@@ -94,14 +94,14 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 
 /// Reads and parses a map file at a scale.
 pub fn load_map_as(path: &Path, reading: &Reading) -> MapResult<Grid> {
-    let maze = load_maze(path, reading.threshold)?;
+    let (_, maze) = load_maze(path, reading.threshold)?;
     reading.scale.of(&path.to_string_lossy(), &maze)
 }
 
 /// Reads a map file that replaces `map` while agents move there: a maze that the map's scale
 /// enlarges to its size, or one that has it already.
 pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid> {
-    let (maze, scale) = (load_maze(path, threshold)?, map.scale());
+    let ((_, maze), scale) = (load_maze(path, threshold)?, map.scale());
     let fits =
         |cell: usize| (cell * maze.width(), cell * maze.height()) == (map.width(), map.height());
     if fits(scale.cell) {
@@ -112,27 +112,39 @@ pub fn load_map_like(path: &Path, map: &Grid, threshold: f32) -> MapResult<Grid>
     Ok(if fits(1) { maze.with_scale(scale) } else { maze })
 }
 
-/// Reads a map file, a block a cell.
-fn load_maze(path: &Path, threshold: f32) -> MapResult<Grid> {
+/// Reads a map file, a block a cell; returns its format, too.
+fn load_maze(path: &Path, threshold: f32) -> MapResult<(&'static MapFormat, Grid)> {
     let bytes = read_file(path, "map").map_err(|error| explained(path, error, &MAP))?;
     let file = path.to_string_lossy();
     let folder = path.parent();
     let source = Source { folder, threshold, ..Source::new(&file, &bytes) };
-    parse(&source).map_err(|error| match MapFormat::by_content(&source) {
+    let maze = parse(&source).map_err(|error| match MapFormat::by_content(&source) {
         Some(_) => error,
         None => explained(path, error, &MAP),
-    })
+    });
+    Ok((MapFormat::of(&source), maze?))
 }
 
 /// Returns the format in which a map is written to `path`: that of the map there, so that plain maps
 /// called .map keep their starts and goals, or else the one that the name asks for.
 pub fn format_for(path: &Path) -> &'static MapFormat {
     let [.., plain] = &FORMATS;
-    let of_name = MapFormat::by_name(path).unwrap_or(plain);
-    let Ok(bytes) = read_file(path, "map") else { return of_name };
-    let file = path.to_string_lossy();
-    let source = Source { folder: path.parent(), ..Source::new(&file, &bytes) };
-    if parse(&source).is_ok() { MapFormat::of(&source) } else { of_name }
+    let there = load_maze(path, THRESHOLD).ok().map(|(format, _)| format);
+    there.or_else(|| MapFormat::by_name(path)).unwrap_or(plain)
+}
+
+/// Returns what the map file at `path` has that is lost if `map` is written over it: nothing if it is as
+/// this program writes it, but for blanks.
+pub fn lost_from(path: &Path, map: &Grid) -> Option<String> {
+    let (format, found) = load_maze(path, THRESHOLD).ok()?;
+    let is_own = format.write(&found, path).iter().all(|(path, own)| {
+        let bare = |byte: &&u8| !byte.is_ascii_whitespace();
+        let is = |there: Vec<u8>| there.iter().filter(bare).eq(own.iter().filter(bare));
+        read_file(path, "map").is_ok_and(is)
+    });
+    let size = |map: &Grid| format!("size of {} x {} cells", map.width(), map.height());
+    let own = if is_own { size(&found) } else { format.besides.to_owned() };
+    (own != size(map)).then_some(own)
 }
 
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {

@@ -14,10 +14,10 @@ pub const PNG: MapFormat = MapFormat {
     about: "an image, a pixel a cell: dark is a wall, green S, red G, yellow both",
     endings: &["png"],
     loses: "",
+    besides: "shades of grey",
     is: |source| is_png(source.bytes),
     read,
     write: |grid, _| encode_png(grid).unwrap_or_default(),
-    image: None,
 };
 
 pub const PGM: MapFormat = MapFormat {
@@ -25,10 +25,10 @@ pub const PGM: MapFormat = MapFormat {
     about: "an image in PGM or PPM, with the colours of PNG; written in grey",
     endings: &["pgm", "ppm", "pnm"],
     loses: "starts and goals",
+    besides: "shades of grey and comments",
     is: |source| is_pgm(source.bytes),
     read,
     write: |grid, _| encode_pgm(grid),
-    image: None,
 };
 
 /// Channels of a strong colour are at least this bright, the others at most as bright as [`DARK`].

@@ -2,7 +2,7 @@
 
 use super::super::grid::{Grid, MAX_SIDE, is_size};
 use super::super::text_file::{MapResult, TextFile};
-use super::{CellMark, MapFormat, Source, grid, marks, too_large};
+use super::{CellMark, MapFormat, Source, grid, rows_of, too_large};
 use crate::text::grouped;
 
 pub const PLAIN: MapFormat = MapFormat {
@@ -10,10 +10,10 @@ pub const PLAIN: MapFormat = MapFormat {
     about: "a character a cell: '#' wall, '.' free, S start, G goal, C both",
     endings: &["txt"],
     loses: "",
+    besides: "own characters",
     is: |_| false,
     read: read_plain,
     write: |grid, _| print_ascii(grid).into_bytes(),
-    image: None,
 };
 
 pub const MOVINGAI: MapFormat = MapFormat {
@@ -21,10 +21,10 @@ pub const MOVINGAI: MapFormat = MapFormat {
     about: "Moving AI's format",
     endings: &["map"],
     loses: "starts and goals",
+    besides: "kinds of terrain",
     is: |source| source.is_text(is_movingai),
     read: read_movingai,
-    write: |grid, _| print_movingai(grid).into_bytes(),
-    image: None,
+    write: |grid, _| write_movingai(grid).into_bytes(),
 };
 
 const PLAIN_CELLS: &str = "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start, 'G' a goal, 'C' both";
@@ -164,20 +164,17 @@ fn size(text: &TextFile, line: usize, value: &str) -> MapResult<usize> {
 /// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map.
 pub fn print_ascii(grid: &Grid) -> String {
     let character = |mark| match mark {
-        CellMark::Free => '.',
-        CellMark::Wall => '#',
-        CellMark::Start => 'S',
-        CellMark::Goal => 'G',
-        CellMark::Both => 'C',
+        CellMark::Free => ".",
+        CellMark::Wall => "#",
+        CellMark::Start => "S",
+        CellMark::Goal => "G",
+        CellMark::Both => "C",
     };
-    marks(grid).flat_map(|row| row.map(character).chain(['\n'])).collect()
+    rows_of(grid, character, "").join("\n") + "\n"
 }
 
-/// Prints the map in Moving AI format with LF line endings. The format has no starts or goals: they
-/// become free cells.
-pub fn print_movingai(grid: &Grid) -> String {
-    let character = |mark| if mark == CellMark::Wall { '@' } else { '.' };
-    let rows = marks(grid).flat_map(|row| row.map(character).chain(['\n']));
-    let header = format!("type octile\nheight {}\nwidth {}\nmap\n", grid.height(), grid.width());
-    header.chars().chain(rows).collect()
+fn write_movingai(grid: &Grid) -> String {
+    let rows = rows_of(grid, |mark| if mark == CellMark::Wall { "@" } else { "." }, "");
+    let [height, width] = [grid.height(), grid.width()];
+    format!("type octile\nheight {height}\nwidth {width}\nmap\n{}\n", rows.join("\n"))
 }

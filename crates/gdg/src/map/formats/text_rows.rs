@@ -5,17 +5,17 @@
 use super::super::grid::Grid;
 use super::super::text_file::{MapResult, TextFile, TextPosition};
 use super::yaml::tree_from;
-use super::{CellMark, MapFormat, MarkRows, Source, marks};
+use super::{CellMark, MapFormat, MarkRows, Source, rows_of};
 
 pub const LIST: MapFormat = MapFormat {
     name: "list",
     about: "rows of Gymnasium-Robotics and OGBench: [[1, 1], ['r', 0]]",
     endings: &["json", "py"],
     loses: "",
+    besides: "name and comments",
     is: |source| source.is_text(|text| text.source[list_start(text.source)..].starts_with('[')),
     read: read_list,
     write: |grid, _| write_list(grid).into_bytes(),
-    image: None,
 };
 
 pub const D4RL: MapFormat = MapFormat {
@@ -23,10 +23,10 @@ pub const D4RL: MapFormat = MapFormat {
     about: "a string of D4RL, in which O is free: \"#####\\\\#GOO#\\\\#####\"",
     endings: &["d4rl"],
     loses: "starts",
+    besides: "name and starts",
     is: |source| source.is_text(is_d4rl),
     read: read_d4rl,
     write: |grid, _| write_d4rl(grid).into_bytes(),
-    image: None,
 };
 
 pub const NUMBERS: MapFormat = MapFormat {
@@ -34,10 +34,10 @@ pub const NUMBERS: MapFormat = MapFormat {
     about: "numbers: 0 is free (-1 in layers of Tiled), others walls; also 10011",
     endings: &["csv"],
     loses: "starts and goals",
+    besides: "comments and other numbers",
     is: |source| source.is_text(is_numbers),
     read: read_numbers,
     write: |grid, _| write_numbers(grid).into_bytes(),
-    image: None,
 };
 
 const LIST_CELLS: &str = "a cell is 0 (free), 1 (wall), 'r' (start), 'g' (goal) or 'c' (both)";
@@ -100,10 +100,7 @@ fn write_list(grid: &Grid) -> String {
         CellMark::Goal => "\"g\"",
         CellMark::Both => "\"c\"",
     };
-    let rows: Vec<String> = marks(grid)
-        .map(|row| format!("  [{}]", row.map(cell).collect::<Vec<_>>().join(", ")))
-        .collect();
-    format!("[\n{}\n]\n", rows.join(",\n"))
+    format!("[\n  [{}]\n]\n", rows_of(grid, cell, ", ").join("],\n  ["))
 }
 
 const D4RL_CELLS: &str = "in a maze of D4RL '#' is a wall, 'O', '0' and ' ' are free, 'G' is a goal and \
@@ -173,12 +170,11 @@ fn characters<'a>(text: &'a TextFile<'a>) -> impl Iterator<Item = (char, TextPos
 
 fn write_d4rl(grid: &Grid) -> String {
     let cell = |mark| match mark {
-        CellMark::Wall => '#',
-        CellMark::Free | CellMark::Start => 'O',
-        CellMark::Goal | CellMark::Both => 'G',
+        CellMark::Wall => "#",
+        CellMark::Free | CellMark::Start => "O",
+        CellMark::Goal | CellMark::Both => "G",
     };
-    let rows: Vec<String> = marks(grid).map(|row| row.map(cell).collect()).collect();
-    format!("\"{}\"\n", rows.join("\\\\"))
+    format!("\"{}\"\n", rows_of(grid, cell, "").join("\\\\"))
 }
 
 const NUMBER_CELLS: &str =
@@ -269,6 +265,5 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
 }
 
 fn write_numbers(grid: &Grid) -> String {
-    let cell = |mark| if mark == CellMark::Wall { "1" } else { "0" };
-    marks(grid).map(|row| row.map(cell).collect::<Vec<_>>().join(",") + "\n").collect()
+    rows_of(grid, |mark| if mark == CellMark::Wall { "1" } else { "0" }, ",").join("\n") + "\n"
 }

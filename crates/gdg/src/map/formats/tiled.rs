@@ -6,17 +6,17 @@ use roxmltree::{Document, Node};
 
 use super::super::grid::Grid;
 use super::super::text_file::{MapError, MapResult, TextFile, TextPosition};
-use super::{CellMark, MapFormat, MarkRows, Source, marks};
+use super::{CellMark, MapFormat, MarkRows, Source, rows_of};
 
 pub const FORMAT: MapFormat = MapFormat {
     name: "tiled",
     about: "Tiled's TMX in CSV: tiles of layers called walls, or else of any layer",
     endings: &["tmx"],
     loses: "",
+    besides: "tiles, other layers, objects and properties",
     is: |source| source.is_text(is_tiled),
     read,
     write: |grid, _| write(grid).into_bytes(),
-    image: None,
 };
 
 const HELP: &str =
@@ -214,12 +214,7 @@ fn mark_objects(
 
 fn write(grid: &Grid) -> String {
     let (width, height) = (grid.width(), grid.height());
-    let row = |row: Vec<&str>| row.join(",");
-    let rows: Vec<String> = marks(grid)
-        .map(|cells| {
-            row(cells.map(|mark| if mark == CellMark::Wall { "1" } else { "0" }).collect())
-        })
-        .collect();
+    let rows = rows_of(grid, |mark| if mark == CellMark::Wall { "1" } else { "0" }, ",");
     let mut objects = String::new();
     let named = grid.starts().iter().map(|cell| ("start", cell));
     for (name, cell) in named.chain(grid.goals().iter().map(|cell| ("goal", cell))) {

@@ -10,7 +10,6 @@ use saphyr_parser::{Event, Parser, StrInput};
 
 use super::super::grid::{Cell, Grid, MAX_CELLS, is_size, size_limits};
 use super::super::text_file::{MapResult, TextFile, TextPosition, read_file};
-use super::images::encode_pgm;
 use super::{CellMark, Image, MapFormat, Source, grid, marks, name_of};
 
 pub const ROS: MapFormat = MapFormat {
@@ -18,10 +17,10 @@ pub const ROS: MapFormat = MapFormat {
     about: "ROS's map.yaml with its image; unknown cells are walls",
     endings: &["yaml", "yml"],
     loses: "starts and goals",
+    besides: "resolution, origin, mode, comments and shades of grey",
     is: |source| source.is_text(|text| has_key(text, "image") && has_key(text, "resolution")),
     read: read_ros,
     write: |_, name| write_ros(name).into_bytes(),
-    image: Some(("pgm", encode_pgm)),
 };
 
 pub const MAPF: MapFormat = MapFormat {
@@ -29,10 +28,10 @@ pub const MAPF: MapFormat = MapFormat {
     about: "YAML of multi-agent planners; its agents are tasks for --scen",
     endings: &["yaml", "yml"],
     loses: "starts and goals",
+    besides: "agents and comments",
     is: |source| source.is_text(is_mapf),
     read: read_mapf,
     write: |grid, _| write_mapf(grid).into_bytes(),
-    image: None,
 };
 
 const ROS_KEYS: &str = "a map of ROS has the keys image, resolution, origin, negate, occupied_thresh and free_thresh, and \
