@@ -145,7 +145,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("watching own.safetensors");
     for key in [" ", "s", "o", "e"] {
         session.press(key);
-        session.wait_for("another program trains this run: t trains a copy");
+        session.wait_for("this run is only watched: t trains a copy");
     }
     let progress = json!({"event": "progress", "seconds": 2.0, "updates": 7777, "env_steps": 9,
         "episodes": 0, "updates_per_second": 1.0, "left": 4000.0, "losses": {}});

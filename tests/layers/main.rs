@@ -39,8 +39,8 @@ const PROGRAM: [Room; 8] = [
     ("setup", 839),
     ("figure", 855),
     ("headless", 928),
-    ("experiment", 5_591),
-    ("tui", 19_348),
+    ("experiment", 5_590),
+    ("tui", 19_347),
     ("cli", 643),
     ("commands", 998),
 ];

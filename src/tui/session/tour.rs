@@ -365,10 +365,11 @@ fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     let Some(TourBridge { stops: [start, bridge, _], distances: [first, second, direct] }) =
         tour.bridge
     else {
-        let text =
-            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G).";
-        let subject = vec![goal];
-        return Some(Caption { text: text.to_owned(), subject, ..Caption::default() });
+        let text = format!(
+            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G). Looked {} times so far.",
+            tour.searches
+        );
+        return Some(Caption { text, subject: vec![goal], ..Caption::default() });
     };
     // What is seen may still be the walk before.
     let is_own = walk.start == start && maze.view.goal.1 == cx.screen.goal_request;
