@@ -200,10 +200,6 @@ impl Theme {
         }
     }
 
-    pub fn has_all_colours(&self) -> bool {
-        self.palette.is_none()
-    }
-
     pub fn failure(&self) -> Style {
         match self.depth {
             ColourDepth::Mono => Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED),

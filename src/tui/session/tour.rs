@@ -278,7 +278,7 @@ pub const STEPS: &[TourStep] = &[
     step("A bridge", [16.0, 45.0], |_, _| {}, explain_bridge),
     step("A plan", [1.5, 16.0], aim_far, plan),
     step("A door closes", [5.0, 24.0], close_door, closed),
-    step("Now you", [14.0, 14.0], open_door, now_you),
+    step("Now you", [40.0, 40.0], open_door, now_you),
 ];
 
 fn distance_to_goal(maze: &MazeState, screen: &Screen, from: [f32; 2]) -> f32 {
