@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 268),
     ("settings", 393),
     ("map", 3_741),
-    ("env", 6_430),
+    ("env", 6_427),
     ("learn", 8_765),
     ("bridge", 3_920),
     ("train", 6_986),

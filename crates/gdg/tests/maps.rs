@@ -167,8 +167,8 @@ proptest! {
     ) {
         let grid = Arc::new(grid);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut world = PointMaze::new(grid.clone(), 2)
-            .with_settings(EnvSettings { noise: 0.3, ..EnvSettings::default() });
+        let mut world = PointMaze::new(grid.clone(), 2);
+        world.configure(&EnvSettings { noise: 0.3, ..EnvSettings::default() });
         world.restart(0, &mut rng).unwrap();
         world.restart(1, &mut rng).unwrap();
         let components = Components::of(&grid);

@@ -112,11 +112,6 @@ impl PointMaze {
         (world as &dyn Any).downcast_ref()
     }
 
-    #[must_use]
-    pub fn with_settings(self, settings: EnvSettings) -> Self {
-        Self { settings, ..self }
-    }
-
     pub fn downcast_mut(world: &mut dyn Environment) -> Option<&mut Self> {
         (world as &mut dyn Any).downcast_mut()
     }

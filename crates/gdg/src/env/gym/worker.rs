@@ -546,8 +546,10 @@ impl GymWorker {
         };
         let shown = |text: &str| truncated(text, 3 * MAX_SHOWN_CHARS);
         if let Some(module) = found.missing {
+            let known = ["numpy", "gymnasium", "gymnasium_robotics", "mujoco"].contains(&&*module);
+            let how = if known { "pip install gymnasium-robotics mujoco" } else { "install it" };
             return self.fail(format!(
-                "there is no Python module {}: looked for in {}; install its package in the virtual \
+                "there is no Python module {}: looked for in {}; {how} in the virtual \
                  environment that is active or that --python PATH names, or name its folder in PYTHONPATH",
                 shown(&module),
                 shown(&found.searched.join(", "))
