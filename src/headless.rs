@@ -57,7 +57,7 @@ pub struct HeadlessOptions {
 
 pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let termination = TerminationSignal::listen()?;
-    setup.trainer.set_job(termination.job().clone());
+    setup.trainer.set_job(termination.job.clone());
     let saver = setup.save.clone().map(CheckpointSaver::new);
     let open = |path| MetricsFile::open(path, options.overwrite, &setup);
     let table = match options.table.as_deref().map(open).transpose() {

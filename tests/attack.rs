@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use crate::ran::words;
-use crate::support::{Session, checkpoints, headless, non_zero, outcome, size};
+use crate::support::{Session, checkpoints, headless, non_zero, outcome, size, wait_until};
 use gdg::job::Job;
 use gdg::train::Registry;
 use gdg::{env, map, train};
@@ -50,11 +50,7 @@ fn kills_while_saving_never_corrupt_a_checkpoint() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        let began = Instant::now();
-        while !path.exists() {
-            assert!(began.elapsed() < Duration::from_mins(1), "nothing is saved");
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        wait_until("nothing is saved", || path.exists());
         std::thread::sleep(Duration::from_micros(rng.random_range(0..600_000)));
         child.kill().unwrap();
         assert_eq!(child.wait().unwrap().signal(), Some(9));

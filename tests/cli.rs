@@ -1,37 +1,30 @@
 //! The program as run from a shell: records, exit statuses, errors.
 
 use std::path::Path;
-use std::process::Output;
 use std::time::{Duration, Instant};
 
-use crate::ran::{SMALL, words};
-use assert_cmd::Command as Assert;
+use crate::ran::{Ran, SMALL, in_folder, one_line, words};
 use serde_json::Value;
 
-fn gdg() -> Assert {
-    let mut command = Assert::cargo_bin("gdg-tui").unwrap();
-    command.env("NO_COLOR", "1").env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR"));
-    command
-}
-
-fn records(output: &[u8]) -> Vec<Value> {
-    let text = std::str::from_utf8(output).unwrap();
-    text.lines().map(|line| serde_json::from_str(line).expect("every line is JSON")).collect()
+fn gdg(args: &[&str]) -> Ran {
+    in_folder(Path::new(env!("CARGO_TARGET_TMPDIR")), args)
 }
 
 fn run(args: &[&str]) -> Vec<Value> {
-    let output = gdg().arg("--no-ui").args(args).args(SMALL).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(output.stderr.is_empty(), "nothing on standard error on success");
-    records(&output.stdout)
+    let done = gdg(&[&["--no-ui"], args, &SMALL].concat());
+    assert_eq!(done.err, "", "nothing on standard error on success");
+    done.success();
+    done.records()
 }
 
+/// Returns the path of a file of the repository.
+fn own(name: &str) -> String {
+    format!("{}/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Returns the path of a map or scenario among the tests.
 fn file(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("crates/gdg/tests/maps")
-        .join(name)
-        .to_string_lossy()
-        .into_owned()
+    own(&format!("crates/gdg/tests/maps/{name}"))
 }
 
 #[test]
@@ -116,10 +109,8 @@ fn metrics_are_also_written_as_a_table() {
             assert!((found.parse::<f64>().unwrap() - expected).abs() < 1e-5, "{name}: {found}");
         }
     }
-    let again =
-        gdg().args(["--no-ui", "trap", "--max-updates", "1", "--csv", path]).output().unwrap();
-    assert_eq!(again.status.code(), Some(2), "an existing file is not replaced");
-    assert!(String::from_utf8_lossy(&again.stderr).contains("already exists"));
+    let again = gdg(&["--no-ui", "trap", "--max-updates", "1", "--csv", path]).refusal();
+    assert!(again.contains("already exists"), "{again}");
 }
 
 /// Returns the records without times, rates and the number of threads.
@@ -192,27 +183,19 @@ fn episodes_can_be_restricted_to_the_start_cell() {
         "{start} of the cells from the start, {anywhere} from anywhere"
     );
     assert_eq!(coverage(&[]), start, "a map's start is the default");
-    let no_start = gdg()
-        .args(["--no-ui", &file("valid/plain.txt"), "--set", "restart=start-cell"])
-        .output()
-        .unwrap();
-    assert_eq!(no_start.status.code(), Some(2));
-    let error = String::from_utf8_lossy(&no_start.stderr).into_owned();
+    let args = ["--no-ui", &file("valid/plain.txt"), "--set", "restart=start-cell"];
+    let error = gdg(&args).refusal();
     assert!(error.contains("plain.txt") && error.contains("no start S"), "{error}");
-    let no_goal = gdg().args(["--no-ui", "fourrooms", "--set", "goals=map"]).output().unwrap();
-    assert_eq!(no_goal.status.code(), Some(2));
-    let error = String::from_utf8_lossy(&no_goal.stderr).into_owned();
+    let error = gdg(&["--no-ui", "fourrooms", "--set", "goals=map"]).refusal();
     assert!(error.contains("fourrooms: has no goal G, which goals=map requires"), "{error}");
 }
 
 #[test]
 fn maps_prints_random_maps() {
-    let print =
-        |kind: &str| gdg().args(["maps", "--random", kind, "--seed", "3"]).output().unwrap();
-    let (maze, city) = (print("maze"), print("city"));
-    assert!(maze.status.success() && city.status.success());
-    assert_eq!(maze.stdout.split(|b| *b == b'\n').filter(|l| l.len() == 44).count(), 44);
-    assert_eq!(city.stdout.split(|b| *b == b'\n').filter(|l| l.len() == 101).count(), 101);
+    for (kind, size) in [("maze", 44), ("city", 101)] {
+        let printed = gdg(&["maps", "--random", kind, "--seed", "3"]);
+        assert_eq!(printed.success().lines().filter(|line| line.len() == size).count(), size);
+    }
 }
 
 #[test]
@@ -223,9 +206,9 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     let (half, whole) = (half.to_str().unwrap(), whole.to_str().unwrap());
     run(&["trap", "--seed", "2", "--max-updates", "300", "--eval-tasks", "1", "--save", half]);
     let line = format!("--no-ui --resume {half} --max-updates 500 --eval-tasks 1 --save {whole}");
-    let output = gdg().args(words(&line)).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let resumed = records(&output.stdout);
+    let done = gdg(&words(&line));
+    done.success();
+    let resumed = done.records();
     assert_eq!(resumed[0]["updates"], 300);
     assert_eq!(resumed.last().unwrap()["updates"], 500);
     let straight = run(&["trap", "--seed", "2", "--max-updates", "500", "--eval-tasks", "1"]);
@@ -237,61 +220,38 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     for (option, value) in
         [("--seed", "3"), ("--goal-radius", "1"), ("--cell", "1"), ("--python", "python3")]
     {
-        let conflict = gdg().args(["--no-ui", "--resume", half, option, value]).output().unwrap();
-        assert_eq!(conflict.status.code(), Some(2), "{option}");
-        assert!(String::from_utf8_lossy(&conflict.stderr).contains(option), "{option}");
+        let conflict = gdg(&["--no-ui", "--resume", half, option, value]).refusal();
+        assert!(conflict.contains(option), "{option}: {conflict}");
     }
 }
 
 #[test]
 fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let folder = tempfile::tempdir().unwrap();
-    let in_folder = |args: &[&str]| gdg().current_dir(&folder).args(args).output().unwrap();
-    let err = |output: &Output| {
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        text.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ")
-    };
-    let none = in_folder(&["--no-ui", "--resume"]);
-    assert_eq!(none.status.code(), Some(2));
-    assert!(err(&none).contains("there is no checkpoint in saves/"), "{}", err(&none));
-    let nothing_yet = in_folder(&["runs"]);
-    assert!(
-        nothing_yet.status.success()
-            && String::from_utf8_lossy(&nothing_yet.stdout).contains("no saved runs yet")
-    );
-    let no_folder = in_folder(&["runs", "elsewhere"]);
-    assert_eq!(
-        (no_folder.status.code(), err(&no_folder).contains("elsewhere: cannot be read")),
-        (Some(2), true)
-    );
-    let checked = in_folder(&["check", "city"]);
-    assert!(
-        checked.status.success() && String::from_utf8_lossy(&checked.stdout).contains("farthest")
-    );
-    assert!(err(&in_folder(&["rusn"])).contains("did you mean runs?"));
-    let misspelt = in_folder(&["check", "citty"]);
-    assert_eq!(misspelt.status.code(), Some(2));
-    assert!(err(&misspelt).contains("did you mean city?"), "{}", err(&misspelt));
-    let no_scenario = in_folder(&["check", "city", "--map", "city.map"]);
-    assert_eq!(no_scenario.status.code(), Some(2));
-    assert!(
-        err(&no_scenario).contains("is not a scenario: --map goes with a .scen file"),
-        "{}",
-        err(&no_scenario)
-    );
+    let here = |args: &[&str]| in_folder(folder.path(), args);
+    assert!(here(&["runs"]).success().contains("no saved runs yet"));
+    assert!(here(&["check", "city"]).success().contains("farthest"));
+    for (line, part) in [
+        ("--no-ui --resume", "there is no checkpoint in saves/"),
+        ("runs elsewhere", "elsewhere: cannot be read"),
+        ("rusn", "did you mean runs?"),
+        ("check citty", "did you mean city?"),
+        ("check city --map city.map", "is not a scenario: --map goes with a .scen file"),
+    ] {
+        let error = here(&words(line)).refusal();
+        assert!(error.contains(part), "{line}: {error}");
+    }
     for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
         let file = format!("saves/{map}.safetensors");
         let line = format!(
             "--no-ui {map} --seed {seed} --max-updates {updates} --eval-tasks 1 \
             --save {file}"
         );
-        let args = words(&line);
-        assert!(in_folder(&args).status.success());
+        here(&words(&line)).success();
     }
     std::fs::write(folder.path().join("saves/none.safetensors"), "no checkpoint").unwrap();
-    let listed = in_folder(&["runs"]);
-    assert!(listed.status.success(), "{}", err(&listed));
-    let table = String::from_utf8_lossy(&listed.stdout).into_owned();
+    let listed = here(&["runs"]);
+    let table = listed.success();
     let lines: Vec<&str> = table.lines().collect();
     assert_eq!(lines.len(), 3, "{table}");
     let columns: Vec<&str> = lines[0].split_whitespace().collect();
@@ -301,17 +261,16 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     for part in ["trap", "gdg-bridge", " 4 ", " 20 ", " 0.", " saved "] {
         assert!(lines[2].contains(part), "{part:?} is not in {}", lines[2]);
     }
-    assert!(err(&listed).contains("saves/none.safetensors: "), "{}", err(&listed));
+    assert!(listed.err.contains("saves/none.safetensors: "), "{}", listed.err);
     for (args, map, updates) in [
         (&["--resume"][..], "fourrooms", 30),
         (&["trap", "--resume"], "trap", 20),
         (&["--resume", "trap"], "trap", 20),
         (&["--resume", "saves/trap.safetensors"], "trap", 20),
     ] {
-        let output =
-            in_folder(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
-        assert!(output.status.success(), "{args:?}: {}", err(&output));
-        let start = &records(&output.stdout)[0];
+        let done = here(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
+        done.success();
+        let start = &done.records()[0];
         assert_eq!(
             (start["map"]["name"].as_str(), start["updates"].as_u64()),
             (Some(map), Some(updates)),
@@ -324,9 +283,8 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
         (&["--resume", "nosuch"], "nosuch: cannot be read"),
         (&["--resume", "--seed", "3"], "cannot be used with"),
     ] {
-        let output = in_folder(&[&["--no-ui", "--max-updates", "0"], args].concat());
-        assert_eq!(output.status.code(), Some(2), "{args:?}");
-        assert!(err(&output).contains(part), "{args:?}: {part:?} is not in {}", err(&output));
+        let error = here(&[&["--no-ui", "--max-updates", "0"], args].concat()).refusal();
+        assert!(error.contains(part), "{args:?}: {error}");
     }
 }
 
@@ -334,18 +292,11 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
 fn without_a_terminal_it_says_that_it_trains_without_the_interface() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["trap", "--max-updates", "3", "--eval-tasks", "1"];
-    let error = |args: &[&str]| {
-        let output = gdg().current_dir(&folder).args(args).output().unwrap();
-        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
-    };
-    let (status, said) = error(&args);
     let line = "trains without the interface, as the output is not a terminal (--no-ui says that this is meant)\n";
-    assert_eq!((status, said.as_str()), (Some(0), line));
-    assert_eq!(
-        error(&[&args[..], &["--no-ui"]].concat()),
-        (Some(0), String::new()),
-        "it was asked for"
-    );
+    for (more, said) in [(&[][..], line), (&["--no-ui"], "")] {
+        let done = in_folder(folder.path(), &[&args[..], more].concat());
+        assert_eq!((done.status, &*done.err), (Some(0), said));
+    }
 }
 
 #[test]
@@ -359,10 +310,11 @@ fn episode_and_time_limits_end_a_run() {
 
 #[test]
 fn missing_the_required_success_is_status_3() {
-    let args =
-        ["--no-ui", "trap", "--max-updates", "10", "--eval-tasks", "2", "--method", "random"];
-    gdg().args(args).args(SMALL).args(["--require-success", "1"]).assert().code(3);
-    gdg().args(args).args(SMALL).args(["--require-success", "0"]).assert().code(0);
+    let line = "--no-ui trap --max-updates 10 --eval-tasks 2 --method random --require-success";
+    for (least, status) in [("1", 3), ("0", 0)] {
+        let done = gdg(&[&words(line)[..], &[least], &SMALL].concat());
+        assert_eq!(done.status, Some(status), "{}", done.err);
+    }
 }
 
 #[test]
@@ -370,21 +322,11 @@ fn a_start_without_a_path_to_the_goal_is_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("apart.txt");
     std::fs::write(&path, "S..#..G\n...#...\n...#...\n").unwrap();
-    let args = [
-        "--no-ui",
-        path.to_str().unwrap(),
-        "--max-updates",
-        "1",
-        "--eval-tasks",
-        "1",
-        "--set",
-        "hidden=16",
-    ];
-    let output = gdg().args(args).output().unwrap();
-    let error = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{error}");
+    let line = "--max-updates 1 --eval-tasks 1 --set hidden=16 --no-ui";
+    let done = gdg(&[&words(line)[..], &[path.to_str().unwrap()]].concat());
+    done.success();
     let warning = "warning: apart: the start S and the goal G lie in different components: no path connects them";
-    assert!(error.contains(warning), "{error}");
+    assert!(done.err.contains(warning), "{}", done.err);
 }
 
 #[test]
@@ -395,8 +337,7 @@ fn a_start_that_is_cut_off_is_a_warning() {
         [("S.#...\n###...\n", true), ("..#..S\n###...\n", false), ("S.#..S\n###...\n", false)]
     {
         std::fs::write(&path, text).unwrap();
-        let output = gdg().arg("check").arg(&path).output().unwrap();
-        let facts = String::from_utf8_lossy(&output.stdout).into_owned();
+        let facts = gdg(&["check", path.to_str().unwrap()]).out;
         let warning = "warning:    the start S is cut off, with 2 cells: agents that begin there stay there, but tasks are \
                        drawn among 6 others";
         assert_eq!(facts.contains(warning), warns, "{text}: {facts}");
@@ -407,11 +348,9 @@ fn a_start_that_is_cut_off_is_a_warning() {
 fn an_evaluation_without_tasks_reports_no_numbers() {
     let map = file("valid/one-cell.txt");
     let args = ["--no-ui", &map, "--max-updates", "5", "--require-success", "0.5"];
-    let output = gdg().args(args).args(SMALL).output().unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(3), "{errors}");
-    assert!(errors.contains("no tasks"), "{errors}");
-    let all = records(&output.stdout);
+    let done = gdg(&[&args[..], &SMALL].concat());
+    assert!(done.status == Some(3) && done.err.contains("no tasks"), "{}", done.err);
+    let all = done.records();
     let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
     for score in [&evaluation["greedy"], &evaluation["planned"]] {
         for number in ["success", "spl", "steps_ratio"] {
@@ -518,13 +457,9 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--nonsense"], &["--nonsense"]),
     ];
     for (args, expected) in bad {
-        let output = gdg().args(*args).output().unwrap();
-        // Without the line breaks of long messages.
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        let message =
-            message.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
-        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
-        assert!(output.stdout.is_empty());
+        let done = gdg(args);
+        let message = done.refusal();
+        assert_eq!(done.out, "", "{args:?}");
         for part in *expected {
             assert!(message.contains(part), "{args:?}: {part:?} is not in {message}");
         }
@@ -539,14 +474,7 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
     let path = folder.path().join("settings.json");
     let error = |text: &str| {
         std::fs::write(&path, text).unwrap();
-        let mut command = gdg();
-        let output = command
-            .current_dir(&folder)
-            .args(["--print-config", "--config", "settings.json"])
-            .output()
-            .unwrap();
-        assert_eq!(output.status.code(), Some(2));
-        String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ")
+        in_folder(folder.path(), &["--print-config", "--config", "settings.json"]).refusal()
     };
     assert!(
         error("{\n  \"tau\": 0.1,\n  \"hiden\": 3\n}")
@@ -563,31 +491,22 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
 
 #[test]
 fn settings_are_explained_by_name() {
-    let about = |name: &str| gdg().args(["settings", name]).output().unwrap();
-    let found = String::from_utf8(about("n_step").stdout).unwrap();
+    let found = gdg(&["settings", "n_step"]).out;
     assert!(found.starts_with("n_step: ") && found.contains("Possible: an integer"), "{found}");
-    let unknown = about("nstep");
-    assert_eq!(unknown.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&unknown.stderr).contains("did you mean n_step?"));
+    assert!(gdg(&["settings", "nstep"]).refusal().contains("did you mean n_step?"));
 }
 
 #[test]
 fn printed_settings_can_be_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.json");
-    let printed =
-        gdg().args(["--print-config", "--preset", "paper", "--set", "tau=0.25"]).output().unwrap();
-    assert!(printed.status.success());
+    let printed = gdg(&["--print-config", "--preset", "paper", "--set", "tau=0.25"]);
+    assert!(printed.success().contains("\"tau\": 0.25"));
     // Some editors begin a file with a byte-order mark.
     for mark in ["", "\u{feff}"] {
-        std::fs::write(&path, [mark.as_bytes(), &printed.stdout].concat()).unwrap();
-        let again =
-            gdg().args(["--print-config", "--config", path.to_str().unwrap()]).output().unwrap();
-        assert_eq!(
-            String::from_utf8_lossy(&printed.stdout),
-            String::from_utf8_lossy(&again.stdout)
-        );
-        assert!(String::from_utf8_lossy(&again.stdout).contains("\"tau\": 0.25"));
+        std::fs::write(&path, format!("{mark}{}", printed.out)).unwrap();
+        let again = gdg(&["--print-config", "--config", path.to_str().unwrap()]);
+        assert_eq!(printed.out, again.out);
     }
 }
 
@@ -597,9 +516,7 @@ fn a_world_has_default_settings_which_given_ones_override() {
     let config = folder.path().join("settings.json");
     std::fs::write(&config, "{\"learning_starts\": 300, \"agents\": 5}").unwrap();
     let printed = |args: &[&str]| -> Value {
-        let output = gdg().arg("--print-config").args(args).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_slice(&output.stdout).unwrap()
+        serde_json::from_str(gdg(&[&["--print-config"], args].concat()).success()).unwrap()
     };
     let all = ["agents", "learning_starts", "env_steps_per_update", "frontier_epsilon"];
     let some = |args: &[&str]| {
@@ -633,55 +550,48 @@ fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
     });
     assert_eq!(begun[0]["settings"], settings);
     let resume = ["--no-ui", "--resume", saved, "--max-updates", "30", "--eval-tasks", "1"];
-    let resumed = records(&gdg().args(resume).output().unwrap().stdout);
+    let resumed = gdg(&resume).records();
     assert_eq!((&resumed[0]["settings"], &resumed[0]["updates"]), (&settings, &20.into()));
-    let printed = gdg().args(["--print-config", "--resume", saved]).output().unwrap();
-    let printed: Value = serde_json::from_slice(&printed.stdout).unwrap();
+    let printed = gdg(&["--print-config", "--resume", saved]);
+    let printed: Value = serde_json::from_str(printed.success()).unwrap();
     assert_eq!((&printed["agents"], &printed["env_steps_per_update"]), (&4.into(), &1.into()));
 }
 
 #[test]
 fn maps_lists_maps_and_check_validates_them() {
-    let maps = gdg().arg("maps").output().unwrap();
-    let text = String::from_utf8_lossy(&maps.stdout).into_owned();
+    let text = gdg(&["maps"]).out;
     for (name, size, farthest) in
         [("fourrooms", "88x88", "119"), ("city", "101x101", "226"), ("trap", "53x41", "92")]
     {
         let line = text.lines().find(|l| l.starts_with(name)).unwrap();
         assert!(line.contains(size) && line.ends_with(farthest), "{line}");
     }
-    let good = gdg().args(["check", &file("valid/starts-and-goals.txt")]).output().unwrap();
-    assert!(good.status.success());
-    let text = String::from_utf8_lossy(&good.stdout).into_owned();
+    let good = gdg(&["check", &file("valid/starts-and-goals.txt")]);
+    let text = good.success();
     assert!(
         text.contains("3 x 3")
             && text.contains("components: 1")
             && text.contains("2 starts, 2 goals"),
         "{text}"
     );
-    let scenario = gdg().args(["check", &file("valid/plain.scen")]).output().unwrap();
-    assert!(String::from_utf8_lossy(&scenario.stdout).contains("1 task,"));
+    assert!(gdg(&["check", &file("valid/plain.scen")]).out.contains("1 task,"));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("walled.txt");
     for (text, warns) in [("S#G\n", true), ("S.G\n", false), ("SG#G\n", true), ("G#SG\n", true)] {
         std::fs::write(&path, text).unwrap();
-        let output = gdg().arg("check").arg(&path).output().unwrap();
-        let facts = String::from_utf8_lossy(&output.stdout).into_owned();
-        assert!(output.status.success() && facts.contains("1 start, "), "{facts}");
+        let checked = gdg(&["check", path.to_str().unwrap()]);
+        let facts = checked.success();
+        assert!(facts.contains("1 start, "), "{facts}");
         assert_eq!(
             facts.contains("warning:") && facts.contains("different components"),
             warns,
             "{text}: {facts}"
         );
     }
-    let lost = gdg()
-        .args(["check", &file("invalid/off-the-map.scen"), "--map", &file("valid/plain.txt")])
-        .output()
-        .unwrap();
-    assert_eq!(lost.status.code(), Some(2));
-    let bad = gdg().args(["check", &file("invalid/short-row.txt")]).output().unwrap();
-    assert_eq!(bad.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&bad.stderr).contains("short-row.txt:2:3"));
+    let [lost, map] = ["invalid/off-the-map.scen", "valid/plain.txt"].map(file);
+    gdg(&["check", &lost, "--map", &map]).refusal();
+    let bad = gdg(&["check", &file("invalid/short-row.txt")]).refusal();
+    assert!(bad.contains("short-row.txt:2:3"), "{bad}");
 }
 
 /// Uses the largest map allowed; the time limit leaves room for a busy machine.
@@ -691,18 +601,13 @@ fn check_of_the_largest_map_takes_seconds() {
     let map = folder.path().join("open.txt");
     std::fs::write(&map, format!("{}\n", ".".repeat(4096)).repeat(4096)).unwrap();
     let began = Instant::now();
-    let output = gdg().arg("check").arg(&map).output().unwrap();
+    let Ran { out, err, .. } = gdg(&["check", map.to_str().unwrap()]);
     assert!(began.elapsed() < Duration::from_secs(20), "it took {:?}", began.elapsed());
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(
-        text.contains("farthest:   at least 4095 steps") && text.contains("components: 1,"),
-        "{text}"
+        out.contains("farthest:   at least 4095 steps") && out.contains("components: 1,"),
+        "{out}"
     );
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(
-        !said.contains(['\r', '\u{1b}']),
-        "lines unless standard error is a terminal: {said:?}"
-    );
+    assert!(!err.contains(['\r', '\u{1b}']), "lines unless it is a terminal: {err:?}");
 }
 
 /// Checks the text below the options of a command and of its own commands: what is indented is not
@@ -738,21 +643,15 @@ fn only_options_of_environments_are_below_their_heading() {
 
 #[test]
 fn recorded_data_of_ogbench_are_learned_from_in_its_built_in_mazes() {
-    let recording = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("crates/gdg/tests/data/ogbench/giant.npz")
-        .into_os_string()
-        .into_string()
-        .unwrap();
+    let recording = own("crates/gdg/tests/data/ogbench/giant.npz");
     let small = ["--set", "hidden=16", "--max-updates", "5", "--eval-tasks", "1"];
     let args = [&["--no-ui", "ogbench-pointmaze-giant", "--data", &recording][..], &small].concat();
-    let output = gdg().args(&args).output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{output:?}");
-    let warning = String::from_utf8_lossy(&output.stderr).into_owned();
+    let done = gdg(&args);
+    done.success();
+    let warning = done.err;
     assert!(warning.contains("of 4000 transitions are left out"), "contacts differ: {warning}");
     assert!(!warning.contains("another map"), "{warning}");
-    let output = gdg().args(["check", "ogbench-pointmaze-giant", "--cell", "2"]).output().unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    let error = gdg(&["check", "ogbench-pointmaze-giant", "--cell", "2"]).refusal();
     assert!(error.contains("the map has a scale of its own"), "{error}");
 }
 
@@ -760,8 +659,7 @@ fn recorded_data_of_ogbench_are_learned_from_in_its_built_in_mazes() {
 fn a_map_can_be_edited_at_a_given_update() {
     let folder = tempfile::tempdir().unwrap();
     let edited = folder.path().join("wider.txt");
-    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt"))
-        .unwrap();
+    let trap = std::fs::read_to_string(own("maps/trap.txt")).unwrap();
     // Turns all walls into free cells.
     std::fs::write(&edited, trap.replace('#', ".")).unwrap();
     let at = format!("100:{}", edited.display());
@@ -771,10 +669,9 @@ fn a_map_can_be_edited_at_a_given_update() {
     run(&["trap", "--max-seconds", "0", "--eval-tasks", "1", "--edit-at", &at, "--save", saved]);
     std::fs::remove_file(&edited).unwrap();
     let rest = ["--no-ui", "--resume", saved, "--max-updates", "200", "--eval-tasks", "1"];
-    let output = gdg().args(rest).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(said.contains("at update 100, the map is to become wider"), "{said}");
-    let all = records(&output.stdout);
+    let done = gdg(&rest);
+    let all = done.records();
+    assert!(done.err.contains("at update 100, the map is to become wider"), "{}", done.err);
     assert!(all[0]["edit_at"][0].as_str().unwrap().starts_with("100:"), "{}", all[0]);
     let edit = all.iter().find(|r| r["event"] == "edit").unwrap();
     assert_eq!(
@@ -785,22 +682,17 @@ fn a_map_can_be_edited_at_a_given_update() {
         edit["opened"].as_u64().unwrap() > 100 && edit["transitions_removed"].is_number(),
         "{edit}"
     );
-    let large = gdg().args(["check", "trap", "--goal-radius", "27"]).output().unwrap();
-    let said = [large.stdout, large.stderr].concat();
-    let large = "the goal radius of 27 cells is more than half of the map's 53";
-    assert!(String::from_utf8_lossy(&said).contains(large), "{large}");
+    let large = gdg(&["check", "trap", "--goal-radius", "27"]).out;
+    assert!(large.contains("radius of 27 cells is more than half of the map's 53"), "{large}");
     let wrong = format!("100:{}", file("valid/plain.txt"));
-    let output = gdg().args(["--no-ui", "trap", "--edit-at", &wrong]).output().unwrap();
-    assert_eq!(output.status.code(), Some(2));
-    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    let error = gdg(&["--no-ui", "trap", "--edit-at", &wrong]).refusal();
     assert!(error.contains("plain.txt") && error.contains("53 x 41"), "{error}");
 }
 
 #[test]
 fn edits_at_the_first_update_are_applied_before_the_first_step() {
     let folder = tempfile::tempdir().unwrap();
-    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt"))
-        .unwrap();
+    let trap = std::fs::read_to_string(own("maps/trap.txt")).unwrap();
     let at = |updates: u64, name: &str| {
         let path = folder.path().join(name).with_extension("txt");
         std::fs::write(&path, trap.replace('#', ".")).unwrap();
@@ -834,13 +726,8 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
             "--no-ui --resume {saved} --eval-tasks 1 --edit-at {at} --max-updates \
             {most}"
         );
-        let args = words(&line);
-        let output = gdg().args(args).output().unwrap();
-        let error = String::from_utf8_lossy(&output.stderr)
-            .split_whitespace()
-            .collect::<Vec<_>>()
-            .join(" ");
-        (output.status.code(), error, edits(&records(&output.stdout)))
+        let done = gdg(&words(&line));
+        (done.status, one_line(&done.err), edits(&done.records()))
     };
     let unsaved = "not saved: give --save FILE, which may be the file resumed \
                    not saved: 20 updates; give --save FILE to keep them"

@@ -18,6 +18,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
+use crate::ran::one_line;
+
 /// Returns the Python interpreter to test with.
 fn python() -> String {
     std::env::var("GDG_PYTHON").unwrap_or_else(|_| "python3".to_owned())
@@ -291,9 +293,7 @@ fn export_refuses_what_it_cannot_read_or_must_not_replace() {
         (&[other.to_str().unwrap(), "--plans"], "the actor of the learner her cannot be exported"),
     ] {
         let output = export(args);
-        // The message is wrapped to the width of the terminal.
-        let text = String::from_utf8_lossy(&output.stderr).replace(['│', '\n'], "");
-        let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        let text = one_line(&String::from_utf8_lossy(&output.stderr));
         assert!(output.status.code() == Some(2) && text.contains(problem), "{text}");
     }
     assert!(export(&[own, "--overwrite"]).status.success());

@@ -14,8 +14,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::ran::words;
-use crate::support::{Session, checkpoints, headless, isolated_command, kill, outcome};
+use crate::ran::{one_line, words};
+use crate::support::{
+    Session, after, checkpoints, headless, isolated_command, kill, outcome, wait_until,
+};
 use gdg::job::Job;
 use gdg::train::{self, Registry, SaveTo, Saved, Trainer};
 use serde_json::Value;
@@ -316,12 +318,9 @@ fn an_evaluation_that_a_signal_ended_is_made_after_resuming() {
 #[test]
 fn a_limit_on_the_size_of_files_is_an_error_like_a_full_disk() {
     let folder = folder();
-    let program = env!("CARGO_BIN_EXE_gdg-tui");
-    let script = format!(
-        "ulimit -f 100; exec {program} --no-ui trap --max-updates 20 --eval-tasks 1 --save big.safetensors"
-    );
-    let (status, _, errors) =
-        outcome(Command::new("sh").current_dir(folder.path()).args(["-c", &script]));
+    let line = "--no-ui trap --max-updates 20 --eval-tasks 1 --save big.safetensors";
+    let mut program = isolated_command(folder.path());
+    let (status, _, errors) = outcome(&mut after("ulimit -f 100", program.args(words(line))));
     assert_eq!(status, 1, "{errors}");
     assert!(
         errors.contains("File too large") && !folder.path().join("big.safetensors").exists(),
@@ -342,20 +341,6 @@ fn divergence_is_shown_in_the_interface_and_the_program_stays_usable() {
 }
 
 #[test]
-fn headless_runs_save_periodically() {
-    let folder = folder();
-    let path = folder.path().join("often.safetensors");
-    let mut run = RunningProgram::start(&mut headless(
-        folder.path(),
-        &["trap", "--save", "often.safetensors", "--save-every", "0.002"],
-    ));
-    (0..3).for_each(|_| run.wait_for("saved"));
-    let (status, _) = run.end_with_signal("KILL");
-    assert_eq!(status, -1);
-    assert!(assert_loads(&path) > 0, "the periodic checkpoint exists");
-}
-
-#[test]
 fn a_file_replaced_by_another_program_is_left_alone() {
     let folder = folder();
     let other = std::fs::read(checkpoint(folder.path())).unwrap();
@@ -366,11 +351,7 @@ fn a_file_replaced_by_another_program_is_left_alone() {
     std::fs::write(folder.path().join("new"), &other).unwrap();
     std::fs::rename(folder.path().join("new"), &path).unwrap();
     let own = folder.path().join("mine-2.safetensors");
-    let began = Instant::now();
-    while !own.exists() {
-        assert!(began.elapsed() < Duration::from_mins(1), "no new file is written");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_until("no new file is written", || own.exists());
     assert_eq!(run.end_with_signal("TERM").0, 143);
     assert!(std::fs::read(&path).unwrap() == other && assert_loads(&own) > 0);
     assert_eq!(checkpoints(folder.path()).len(), 3, "and keeps to that");
@@ -409,19 +390,12 @@ fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     // Also by autosaves, of which nothing at the end is needed, beside a file that cannot be replaced.
     let run = start("b.safetensors");
     let [own, instead] = ["b", "b-2"].map(|name| folder.path().join(format!("{name}.safetensors")));
-    let wait_until = |is: &dyn Fn() -> bool| {
-        let began = Instant::now();
-        while !is() {
-            assert!(began.elapsed() < Duration::from_mins(1), "timed out");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    };
-    wait_until(&|| own.exists());
+    wait_until("no autosave", || own.exists());
     std::fs::set_permissions(&own, PermissionsExt::from_mode(0o444)).unwrap();
     let updates = || train::describe(&instead).map_or(0, |found| found.updates);
-    wait_until(&|| updates() > 0);
+    wait_until("nothing is saved instead", || updates() > 0);
     let first = updates();
-    wait_until(&|| updates() > first);
+    wait_until("nothing is saved again", || updates() > first);
     run.end_with_signal("KILL");
     assert!(assert_loads(&instead) > first && !folder.path().join("b-3.safetensors").exists());
 }
@@ -453,53 +427,12 @@ fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
     assert!(status == 143 && took < TIMEOUT, "{status} after {took:?}");
 }
 
-#[test]
-fn a_second_signal_exits_immediately() {
-    let folder = folder();
-    let mut run = RunningProgram::start(
-        headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"),
-    );
-    run.wait_for("start");
-    std::thread::sleep(Duration::from_millis(300));
-    kill(run.child.id(), "INT");
-    std::thread::sleep(Duration::from_millis(300));
-    let (status, took) = run.end_with_signal("INT");
-    assert!(status == 130 && took < TIMEOUT, "{status} after {took:?}");
-}
-
-#[test]
-fn a_signal_that_arrives_twice_at_once_is_one() {
-    // `timeout` sends its signal to the program, and then to its group.
-    let folder = folder();
-    let mut run = RunningProgram::start(&mut headless(
-        folder.path(),
-        &["trap", "--save", "kept.safetensors"],
-    ));
-    run.wait_for("progress");
-    let twice = format!("kill -TERM {id}; kill -TERM {id}", id = run.child.id());
-    assert!(Command::new("sh").args(["-c", &twice]).status().unwrap().success());
-    let mut rest = String::new();
-    run.out.read_to_string(&mut rest).unwrap();
-    assert_eq!(run.child.wait().unwrap().code(), Some(143));
-    assert!(
-        rest.contains("\"reason\":\"interrupted\"") && !rest.contains("\"evaluation\""),
-        "{rest}"
-    );
-    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn ignored_signals_stay_ignored() {
     let folder = folder();
     let program = headless(folder.path(), &["trap"]);
-    let mut shell = Command::new("sh");
-    shell
-        .args(["-c", "trap '' HUP; exec \"$0\" \"$@\""])
-        .arg(program.get_program())
-        .args(program.get_args());
-    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    let mut run = RunningProgram::start(&mut shell);
+    let mut run = RunningProgram::start(&mut after("trap '' HUP", &program));
     run.wait_for("start");
     kill(run.child.id(), "HUP");
     run.wait_for("progress");
@@ -596,14 +529,7 @@ fn headless_panics_are_errors_and_the_run_is_saved() {
 fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let folder = folder();
     let limited = |args: &[&str]| {
-        let mut shell = Command::new("sh");
-        let program = isolated_command(folder.path());
-        shell
-            .args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\""])
-            .arg(program.get_program())
-            .args(args);
-        shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-        outcome(shell.current_dir(folder.path()))
+        outcome(&mut after("ulimit -v 2000000", isolated_command(folder.path()).args(args)))
     };
     for setting in ["hidden=4096", "buffer_size=100000000"] {
         let line = format!("--no-ui trap --max-updates 9 --set layers=8 --set {setting}");
@@ -614,19 +540,6 @@ fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let (status, _, errors) =
         limited(&["--no-ui", "trap", "--max-updates", "50", "--eval-tasks", "1", "--threads", "2"]);
     assert_eq!(status, 0, "the default fits: {errors}");
-}
-
-#[test]
-fn a_damaged_checkpoint_is_refused() {
-    let folder = folder();
-    let path = checkpoint(folder.path());
-    let mut bytes = std::fs::read(&path).unwrap();
-    let middle = bytes.len() / 2;
-    bytes[middle] ^= 1;
-    std::fs::write(&path, &bytes).unwrap();
-    let args = ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1"];
-    let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
-    assert!(status == 2 && errors.contains("checksum"), "{errors}");
 }
 
 #[test]
@@ -694,7 +607,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         let (status, _, errors) =
             outcome(&mut headless(folder.path(), &["--resume", "small.safetensors"]));
         assert!(status == 2 && !errors.contains('\x1b'), "{errors:?}");
-        assert!(command_line::one_line(&errors).contains(expected), "{errors}");
+        assert!(one_line(&errors).contains(expected), "{errors}");
     }
 }
 
@@ -706,7 +619,7 @@ fn checkpoints_of_other_versions_are_refused_with_the_version_that_opens_them() 
     std::fs::write(folder.path().join("old.safetensors"), bytes).unwrap();
     for args in [&["--no-ui", "--resume", "old.safetensors"][..], &["runs", "."]] {
         let (_, output, errors) = outcome(isolated_command(folder.path()).args(args));
-        let text = [output, errors].concat().split_whitespace().collect::<Vec<_>>().join(" ");
+        let text = one_line(&[output, errors].concat());
         assert!(text.contains("was saved by version 0.2.0 of gdg-tui"), "{args:?}: {text}");
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use gdg::map::{Cell, FORMATS, load_map};
 use serde_json::Value;
 
-use super::ran::{SMALL, program_in, ran};
+use super::ran::{SMALL, in_folder};
 
 /// A maze of Gymnasium-Robotics.
 const MAZE: &str =
@@ -20,20 +20,14 @@ fn folder() -> tempfile::TempDir {
 
 /// Runs the program, which must succeed; returns both of its outputs.
 fn run(folder: &Path, args: &[&str]) -> (String, String) {
-    let mut command = program_in(folder);
-    command.args(args);
-    let ran = ran(command);
-    assert_eq!(ran.status, Some(0), "{args:?}: {}", ran.err);
+    let ran = in_folder(folder, args);
+    ran.success();
     (ran.out, ran.err)
 }
 
-/// Runs the program, which must refuse its arguments; returns the message in one line.
+/// Returns the message with which the program refuses its arguments.
 fn refusal(folder: &Path, args: &[&str]) -> String {
-    let mut command = program_in(folder);
-    command.args(args);
-    let ran = ran(command);
-    assert_eq!(ran.status, Some(2), "{args:?}: {}", ran.err);
-    ran.err.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ")
+    in_folder(folder, args).refusal()
 }
 
 /// Trains for two updates; returns what the first record says of the map.
@@ -139,9 +133,7 @@ fn strict_checks_say_which_goals_and_starts_are_cut_off() {
     let folder = tempfile::tempdir().unwrap();
     let checked = |map: &str| {
         std::fs::write(folder.path().join("m.txt"), map).unwrap();
-        let mut command = program_in(folder.path());
-        command.args(["check", "m.txt", "--strict"]);
-        let found = ran(command);
+        let found = in_folder(folder.path(), &["check", "m.txt", "--strict"]);
         let faults = found.out.lines().filter_map(|line| line.strip_prefix("fault:"));
         (found.status, faults.map(|fault| fault.trim().to_owned()).collect::<Vec<_>>())
     };

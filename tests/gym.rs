@@ -10,7 +10,7 @@ use std::process::{Command, Output, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::ran::words;
+use crate::ran::{one_line, words};
 use gdg::env::gym::Address;
 use gdg::env::{Environment, GymOptions, WorldScene};
 use gdg::train::{Preset, Registry, Run, Trainer};
@@ -18,7 +18,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::support::kill;
+use crate::support::{kill, wait_until};
 
 /// Settings that keep a run small.
 const SMALL: &str = "--set hidden=16 --set candidates=30 --set buffer_size=20000 --set learning_starts=200 \
@@ -108,15 +108,12 @@ fn error_with(script: &str) -> (String, Duration) {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
-    // The report breaks lines.
-    let words = stderr(&output).replace('│', " ");
-    (words.split_whitespace().collect::<Vec<_>>().join(" "), began.elapsed())
+    (one_line(&stderr(&output)), began.elapsed())
 }
 
 /// Checks that an error names the environment and says this.
 fn assert_says(error: &str, what: &str) {
-    let error = error.replace('│', " ");
-    let error = error.split_whitespace().collect::<Vec<_>>().join(" ");
+    let error = one_line(error);
     assert!(error.contains("-v0: "), "the environment is named: {error}");
     assert!(error.contains(what), "{what:?} in {error}");
     assert!(!error.contains('\u{1b}'), "safe to show: {error:?}");
@@ -218,13 +215,8 @@ fn the_time_limit_does_not_count_while_the_program_is_stopped() {
     let mut program = program(folder.path());
     program.args(["--no-ui", "gym:Maze-v0", "--env-timeout", "2", "--python"]);
     program.arg(fake_python(folder.path(), &script)).stderr(Stdio::piped());
-    let (program, began) = (program.spawn().unwrap(), Instant::now());
-    let wait_for = |file: &str| {
-        while !folder.path().join(file).exists() {
-            assert!(began.elapsed() < Duration::from_mins(1), "not {file}");
-            std::thread::sleep(Duration::from_millis(10));
-        }
-    };
+    let program = program.spawn().unwrap();
+    let wait_for = |file: &str| wait_until(file, || folder.path().join(file).exists());
     wait_for("asked");
     kill(program.id(), "STOP");
     std::fs::write(folder.path().join("stopped"), "").unwrap();

@@ -15,6 +15,7 @@ use gdg_tui::cli::Cli;
 use gdg_tui::commands::prepare::prepare;
 use gdg_tui::headless;
 
+use crate::ran::one_line;
 use example::registry;
 use runs::{state, train_to};
 
@@ -163,8 +164,7 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
         let args =
             Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
         let error = format!("{:?}", prepare(&args, &registry(), &Job::default()).err().unwrap());
-        let error =
-            error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
+        let error = one_line(&error);
         assert!(expected.iter().all(|part| error.contains(part)), "{error}");
     }
 }

@@ -2,9 +2,8 @@
 //! none.
 
 use std::path::Path;
-use std::process::Command;
 
-use crate::ran::{Ran, SMALL, has_parts, program_in, ran, words};
+use crate::ran::{Ran, SMALL, has_parts, in_folder, words};
 use serde_json::{Value, json};
 
 const ROOM: &str = "S.....\n......\n.....G\n";
@@ -34,9 +33,7 @@ fn records(method: &str, seed: u64, evaluations: u64, last: f64, settings: &Valu
 }
 
 fn plot(folder: &Path, args: &[&str]) -> Ran {
-    let mut command = program_in(folder);
-    command.arg("plot").args(args);
-    ran(command)
+    in_folder(folder, &[&["plot"], args].concat())
 }
 
 /// Returns the rows of a table as maps from column to text.
@@ -56,7 +53,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     write("c.jsonl", records("her", 1, 2, 0.5, &none) + "{\"event\":\"evalu");
     let out = ["--out", "fig.pdf", "--out", "fig.svg", "--out", "fig.png"];
     let done = plot(folder.path(), &[&[".", "--width", "84mm"], &out[..]].concat());
-    assert_eq!(done.status, Some(0), "{}", done.err);
+    done.success();
     assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
     has_parts(&done.err, &["mean of 1 to 2 seeds", "gdg-bridge with plans, her the actor alone"]);
     let table = rows(&folder.path().join("fig.csv"));
@@ -103,7 +100,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     std::fs::remove_file(folder.path().join("fig.pdf")).unwrap();
     let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "greedy"];
     let greedy = plot(folder.path(), &[&greedy, &out[..]].concat());
-    assert_eq!(greedy.status, Some(0), "{}", greedy.err);
+    greedy.success();
     let table = rows(&folder.path().join("fig.csv"));
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())
@@ -127,7 +124,7 @@ fn curves_differ_in_what_is_asked_for_and_charts_in_the_rest() {
     }
     let named = |by: &[&str]| {
         let done = plot(folder.path(), &[&[".", "--out", "f.svg"], by].concat());
-        assert_eq!(done.status, Some(0), "{}", done.err);
+        done.success();
         let mut names: Vec<[String; 2]> = rows(&folder.path().join("f.csv"))[1..]
             .iter()
             .map(|row| [row[0].clone(), row[1].clone()])
@@ -176,8 +173,7 @@ fn what_cannot_be_drawn_is_named() {
     ] {
         let args = if args.contains(&"--out") { args.to_vec() } else { [args, &out].concat() };
         let failed = plot(folder.path(), &args);
-        assert_eq!(failed.status, Some(2), "{args:?}: {}", failed.err);
-        has_parts(&failed.err, parts);
+        has_parts(&failed.refusal(), parts);
         assert!(!folder.path().join("f.svg").exists(), "{args:?}");
     }
 }
@@ -187,10 +183,7 @@ fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("room.txt"), ROOM).unwrap();
     let run = |args: &[&str]| {
-        let mut command: Command = program_in(folder.path());
-        command.args(args).args(SMALL).args(["--eval-tasks", "1"]);
-        let done = ran(command);
-        assert_eq!(done.status, Some(0), "{}", done.err);
+        in_folder(folder.path(), &[args, &SMALL, &["--eval-tasks", "1"]].concat()).success();
     };
     run(&words("suite room.txt --budget 60 --seeds 2 --method gdg --method her --out out"));
     run(&words("--no-ui room.txt --max-updates 60 --eval-every-updates 30 --save a.safetensors"));

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::ran::{SMALL, isolated, program_in, ran, words};
+use crate::ran::{SMALL, in_folder, isolated, ran, words};
 use serde_json::Value;
 
 const SCHEMA: &str = include_str!("../docs/records.schema.json");
@@ -12,11 +12,8 @@ const PAGE: &str = include_str!("../docs/records.md");
 
 /// Runs without the interface; returns the records as text.
 fn recorded(folder: &Path, args: &[&str]) -> String {
-    let mut command = program_in(folder);
-    command.arg("--no-ui").args(args).args(SMALL).args(["--eval-tasks", "2"]);
-    let done = ran(command);
-    assert_eq!(done.status, Some(0), "{args:?}: {}", done.err);
-    done.out
+    let done = in_folder(folder, &[&["--no-ui"], args, &SMALL, &["--eval-tasks", "2"]].concat());
+    done.success().to_owned()
 }
 
 /// Returns what is wrong with `value` by those rules of JSON Schema that ours uses. Stricter than
@@ -168,23 +165,17 @@ fn records_are_logged_where_people_look() {
         ("a", ["fourrooms", "--max-updates", "200"]),
         ("b", ["--resume=a.safetensors", "--max-updates", "400"]),
     ] {
-        let mut command = program_in(folder.path());
-        command.arg("--no-ui").args(of).args(keep).args(["--eval-tasks", "2"]);
-        command.args(if name == "a" { &SMALL[..] } else { &[] });
-        let done = ran(command);
-        assert_eq!(done.status, Some(0), "{}", done.err);
-        std::fs::write(folder.path().join(name).with_extension("jsonl"), done.out).unwrap();
+        let small = if name == "a" { &SMALL[..] } else { &[] };
+        let all = [&["--no-ui", "--eval-tasks", "2"], &of[..], &keep, small].concat();
+        let done = in_folder(folder.path(), &all);
+        std::fs::write(folder.path().join(name).with_extension("jsonl"), done.success()).unwrap();
     }
-    let mut command = program_in(folder.path());
-    command.args(["suite", "fourrooms", "--budget", "200", "--eval-tasks", "2", "--out", "."]);
-    command.args(SMALL);
-    assert_eq!(ran(command).status, Some(0));
+    let suite = words("suite fourrooms --budget 200 --eval-tasks 2 --out .");
+    in_folder(folder.path(), &[&suite[..], &SMALL].concat()).success();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let python = std::env::var_os("GDG_PYTHON").unwrap_or_else(|| "python3".into());
     let mut command = isolated(Command::new(python), folder.path());
     command.arg("-B").arg(root.join("tests/logged.py")).arg(".");
     command.env("PYTHONPATH", root.join("python"));
-    let done = ran(command);
-    assert_eq!(done.status, Some(0), "{}", done.err);
-    println!("{}", done.out);
+    println!("{}", ran(command).success());
 }

@@ -83,7 +83,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     let place = Place::new();
     let args = ["all", "--updates", "30", "--out", "out"];
     let whole = place.run(&args);
-    assert_eq!(whole.status, Some(0), "{}", whole.err);
+    whole.success();
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
     has_parts(&report, &["gdg-tui reproduce all --budget quick"]);
     has_parts(
@@ -156,7 +156,7 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
     let place = Place::new();
     let list = |args: &[&str]| {
         let listed = place.run(&[args, &["--updates", "20", "--out", "out", "--list"]].concat());
-        assert_eq!(listed.status, Some(0), "{}", listed.err);
+        listed.success();
         let names = listed.out.lines().map(|line| line.split(' ').next().unwrap().to_owned());
         names.collect::<Vec<String>>()
     };
@@ -199,7 +199,7 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
         ["fig1", "--steps", "600", "--jobs", "1", "--set", "agents=4", "--out", out]
     };
     let whole = place.run(&args("whole"));
-    assert_eq!(whole.status, Some(0), "{}", whole.err);
+    whole.success();
     for method in ["gdg-distance", "ddpg-distance", "gdg", "her"] {
         let result = place.result("whole", &format!("fetch-reach-{method}-1-"));
         let settings = result["settings"].as_array().unwrap();
@@ -257,7 +257,7 @@ fn stopped_figures_go_on_where_they_were_and_give_the_same_bytes() {
     assert!(!place.path("parts/report.md").exists(), "{rest:?}");
 
     let resumed = place.run(&args("parts"));
-    assert_eq!(resumed.status, Some(0), "{}", resumed.err);
+    resumed.success();
     has_parts(&resumed.err, &["resumes after ", "; all jobs ", " left"]);
     assert_same(&place.outcome("parts"), &place.outcome("whole"));
 }
@@ -271,8 +271,7 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
     let more = |more: &[&'static str]| place.run(&[&args("a folder")[..], more].concat());
 
     let none = more(&["--collect"]);
-    assert_eq!(none.status, Some(2));
-    has_parts(&none.err, &["a folder: there is no such folder"]);
+    has_parts(&none.refusal(), &["a folder: there is no such folder"]);
     std::fs::create_dir(place.path("a folder")).unwrap();
     has_parts(&more(&["--collect"]).err, &["a folder: this folder has no jobs"]);
     assert_eq!(place.files("a folder"), BTreeMap::new());
@@ -297,7 +296,7 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     }
     let collected = more(&["--collect"]);
-    assert_eq!(collected.status, Some(0), "{}", collected.err);
+    collected.success();
     assert_same(&place.outcome("a folder"), &place.outcome("one"));
 }
 
@@ -306,7 +305,7 @@ fn budgets_of_episodes_evaluate_as_often_as_updates_do() {
     let place = Place::new();
     let args = words("fig6 --episodes 100 --set episode_steps=20 --set agents=4 --out out");
     let ran = place.run(&args);
-    assert_eq!(ran.status, Some(0), "{}", ran.err);
+    ran.success();
     let table = String::from_utf8(place.files("out/data").remove("fig6.csv").unwrap()).unwrap();
     for method in ["default (ours)", "GDG"] {
         let start = format!("steps left,{method},1,");
@@ -337,8 +336,7 @@ fn bad_arguments_are_named_before_anything_runs() {
         (&[], "FIGURE"),
     ] {
         let ran = place.run(&[args, &["--out", "out"]].concat());
-        assert_eq!(ran.status, Some(2), "{args:?}: {}", ran.err);
-        has_parts(&ran.err, &[part]);
+        has_parts(&ran.refusal(), &[part]);
         assert!(!place.path("out").exists(), "{args:?}");
     }
 }
@@ -357,7 +355,7 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
     }
     let args = ["ogbench", "--updates", "2", "--data-dir", "sets", "--out", "out"];
     let whole = place.run(&args);
-    assert_eq!(whole.status, Some(0), "{}", whole.err);
+    whole.success();
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
     has_parts(
         &report,
@@ -388,12 +386,14 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
         &other.err,
         &["7 jobs done, 1 to run", "impossible on this map: the data may be of another"],
     );
-    assert_eq!(other.status, Some(0), "{}", other.err);
+    other.success();
 }
 
 #[test]
 fn a_dataset_that_is_not_there_is_named() {
     let refused = Place::new().run(&["ogbench", "--data-dir", "sets", "--list"]);
-    assert_eq!(refused.status, Some(2), "{}", refused.err);
-    has_parts(&refused.err, &["pointmaze-medium-navigate-v0.npz", "collect_ogbench.py writes it"]);
+    has_parts(
+        &refused.refusal(),
+        &["pointmaze-medium-navigate-v0.npz", "collect_ogbench.py writes it"],
+    );
 }

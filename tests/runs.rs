@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::ran::{SMALL, has_parts, program_in, ran};
+use crate::ran::{Ran, SMALL, has_parts, in_folder, program_in, ran, words};
 use serde_json::{Value, json};
 
 /// Returns the records of a run that ends as `end` says.
@@ -21,6 +21,12 @@ fn records(seed: u64, end: &Value) -> String {
     [&start, &evaluation, end].map(|record| record.to_string() + "\n").concat()
 }
 
+/// Trains for 20 updates, with the arguments of `line`.
+fn trained(folder: &Path, line: &str) -> Ran {
+    let more = words("--no-ui --max-updates 20 --eval-tasks 1");
+    in_folder(folder, &[&words(line)[..], &more, &SMALL].concat())
+}
+
 #[test]
 fn runs_of_every_kind_are_lines_of_json() {
     let folder = tempfile::tempdir().unwrap();
@@ -33,20 +39,11 @@ fn runs_of_every_kind_are_lines_of_json() {
     ] {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
-    let mut train = program_in(folder.path());
-    train.args(["--no-ui", "trap", "--seed", "4", "--max-updates", "20", "--eval-tasks", "1"]);
-    let done = ran({
-        train.args(SMALL).args(["--save", "own.safetensors"]);
-        train
-    });
-    assert_eq!(done.status, Some(0), "{}", done.err);
-    let mut command = program_in(folder.path());
-    command.args(["runs", ".", "--json"]);
-    let done = ran(command);
-    assert_eq!(done.status, Some(0), "{}", done.err);
+    trained(folder.path(), "trap --seed 4 --save own.safetensors").success();
+    let done = in_folder(folder.path(), &["runs", ".", "--json"]);
+    done.success();
     has_parts(&done.err, &["damaged.jsonl:1: not a record", ": left out"]);
-    let lines: Vec<Value> =
-        done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines = done.records();
     let found = |file: &str| lines.iter().find(|run| run["file"] == file).unwrap();
     assert_eq!(lines.len(), 3, "{}", done.out);
     let stopped = found("stopped.jsonl");
@@ -69,11 +66,8 @@ fn runs_of_every_kind_are_lines_of_json() {
     );
     assert!(own["success"].is_number() && own["written"].is_string(), "{own}");
 
-    let mut command = program_in(folder.path());
-    command.args(["runs", "elsewhere", "--json"]);
-    let done = ran(command);
-    assert_eq!(done.status, Some(2));
-    has_parts(&done.err, &["elsewhere: cannot be read"]);
+    let refused = in_folder(folder.path(), &["runs", "elsewhere", "--json"]).refusal();
+    has_parts(&refused, &["elsewhere: cannot be read"]);
 }
 
 #[test]
@@ -92,13 +86,10 @@ fn a_checkpoint_belongs_to_records_of_the_same_data_and_tasks() {
         command.args(["--no-ui", map, option]).arg(file).args(SMALL).args(["--max-updates", "5"]);
         command.args(["--eval-tasks", "1", "--save", "a.safetensors", "--overwrite"]);
         let done = ran(command);
-        assert_eq!(done.status, Some(0), "{}", done.err);
+        done.success();
         let listed = |records: String| {
             std::fs::write(path("a.jsonl"), records).unwrap();
-            let mut command = program_in(folder.path());
-            command.args(["runs", ".", "--json"]);
-            let lines = ran(command).out;
-            lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<Value>>()
+            in_folder(folder.path(), &["runs", ".", "--json"]).records()
         };
         let one = listed(done.out.clone());
         assert!(one.len() == 1 && one[0]["settings"][fact].is_string(), "{one:?}");
@@ -113,10 +104,7 @@ fn a_checkpoint_belongs_to_records_of_the_same_data_and_tasks() {
 fn a_run_is_found_and_resumed_on_a_terminal() {
     use crate::support::Session;
     let folder = tempfile::tempdir().unwrap();
-    let mut train = program_in(folder.path());
-    train.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1"]).args(SMALL);
-    train.args(["--save", "saves/own.safetensors"]);
-    assert_eq!(ran(train).status, Some(0));
+    trained(folder.path(), "trap --save saves/own.safetensors").success();
     let stopped = json!({"event": "end", "reason": "interrupted", "seconds": 2.0, "updates": 1500, "updates_per_second": 500.0});
     std::fs::write(folder.path().join("saves/her.jsonl"), records(1, &stopped)).unwrap();
     let mut session = Session::start(folder.path(), &["runs"]);
@@ -134,14 +122,8 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     use std::io::Write;
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let mut train = program_in(folder.path());
-    train.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1"]).args(SMALL);
-    let done = ran({
-        train.args(["--save", "own.safetensors"]);
-        train
-    });
     // As if it went on.
-    let records: String = done
+    let records: String = trained(folder.path(), "trap --save own.safetensors")
         .out
         .lines()
         .filter(|line| !line.contains("\"end\""))
@@ -163,7 +145,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("watching own.safetensors");
     for key in [" ", "s", "o", "e"] {
         session.press(key);
-        session.wait_for("another program trains this run: t trains a copy");
+        session.wait_for("this run is only watched: t trains a copy");
     }
     let progress = json!({"event": "progress", "seconds": 2.0, "updates": 7777, "env_steps": 9,
         "episodes": 0, "updates_per_second": 1.0, "left": 4000.0, "losses": {}});
@@ -180,12 +162,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("just now");
     std::fs::remove_file(path("own.jsonl")).unwrap();
     session.wait_for("records are gone");
-    let mut other = program_in(folder.path());
-    other.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1", "--seed", "5"]);
-    ran({
-        other.args(SMALL).args(["--save", "other.safetensors"]);
-        other
-    });
+    trained(folder.path(), "trap --seed 5 --save other.safetensors").success();
     std::fs::rename(path("other.safetensors"), path("own.safetensors")).unwrap();
     session.wait_for("the file has another run now: trap, gdg-bridge, seed 5");
     std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
@@ -204,9 +181,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
         } else {
             std::fs::remove_file(path("jobs/job.lock")).unwrap();
         }
-        let mut command = program_in(folder.path());
-        command.args(["runs", "--json"]);
-        let out = ran(command).out;
+        let out = in_folder(folder.path(), &["runs", "--json"]).out;
         let job = out.lines().find(|line| line.contains("jobs/job")).unwrap();
         assert!(job.contains(state), "{job}");
     }
@@ -215,8 +190,5 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("later.safetensors: not there yet: waiting for its first save");
     std::fs::write(path("later.safetensors"), &checkpoint).unwrap();
     session.wait_for("watching later.safetensors");
-    let mut command = program_in(folder.path());
-    command.args(["watch", "none.jsonl"]);
-    let done = ran(command);
-    assert_eq!(done.status, Some(2), "{}", done.err);
+    in_folder(folder.path(), &["watch", "none.jsonl"]).refusal();
 }

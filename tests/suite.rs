@@ -4,7 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::ran::{Ran, SMALL, has_parts, program_in, ran};
+use crate::ran::{Ran, SMALL, has_parts, in_folder, one_line, program_in, ran, words};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -87,7 +87,7 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
     let place = Place::new();
     let args = ["maps", "trap", "--budget", "60", "--seeds", "2", "--out", "out", "--no-keep"];
     let first = place.run(&args);
-    assert_eq!(first.status, Some(0), "{}", first.err);
+    first.success();
     let results = place.results("out");
     assert_eq!((results.len(), place.files("out/pictures").len()), (6, 6));
     assert!(
@@ -155,10 +155,10 @@ fn several_methods_and_variants_share_a_folder_and_a_report() {
         [&["maps/open.map", "--budget", "30", "--out", "out"], methods].concat()
     };
     let first = place.run(&args(&["--method", "her"]));
-    assert_eq!(first.status, Some(0), "{}", first.err);
+    first.success();
     let both = ["--method", "gdg", "--method", "ddpg", "--set", "small:tau=0.02"];
     let second = place.run(&args(&[&both[..], &["--set", "ddpg:discount=0.9"]].concat()));
-    assert_eq!(second.status, Some(0), "{}", second.err);
+    second.success();
     has_parts(&second.err, &["0 jobs done, 4 to run"]);
     let table: Vec<&str> = second.out.lines().skip(2).collect();
     let parts: Vec<Vec<&str>> = table.iter().map(|line| line.split(" | ").collect()).collect();
@@ -182,15 +182,14 @@ fn several_methods_and_variants_share_a_folder_and_a_report() {
     let table = std::fs::read_to_string(place.path("out/success.csv")).unwrap();
     has_parts(&table, &[",her,", ",ddpg,"]);
     let again = place.run(&args(&["--method", "her"]));
-    assert_eq!(again.status, Some(0), "{}", again.err);
+    again.success();
     has_parts(&again.out, &["| open | her |", "| open | gdg |"]);
     for (set, parts) in [
         ("sorb:tau=0.02", &["sorb is not among the methods", "add --method sorb"][..]),
         ("a/b:tau=0.02", &["not the name of a variant", "only letters, digits"]),
     ] {
         let ran = place.run(&args(&["--set", set]));
-        assert_eq!(ran.status, Some(2), "{}", ran.err);
-        has_parts(&ran.err, parts);
+        has_parts(&ran.refusal(), parts);
     }
 }
 
@@ -199,7 +198,7 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
     let place = Place::new();
     let list = |args: &[&str]| {
         let listed = place.run(&[args, &["--budget", "30", "--list"]].concat());
-        assert_eq!(listed.status, Some(0), "{}", listed.err);
+        listed.success();
         listed.out.lines().map(str::to_owned).collect::<Vec<_>>()
     };
     let sweep = ["trap", "--sweep", "hidden=16,32,16", "--sweep", "tau=0.01,0.02"];
@@ -212,15 +211,12 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
         assert!(components.iter().any(|line| line.contains(variant)), "{variant}: {components:?}");
     }
     let refused = place.run(&["fetch-reach", "--goal-radius", "2", "--list"]);
-    assert_eq!(refused.status, Some(2));
-    has_parts(&refused.err, &["--goal-radius applies only to maps"]);
-    let mut command = program_in(place.0.path());
-    command.args(["suite", "fetch-reach", "trap", "--method", "gdg", "--sweep", "tau=0.01,0.02"]);
-    command.args(["--budget", "300", "--eval-tasks", "1", "--out", "out"]).args(SMALL);
-    let ran = ran(command);
-    assert_eq!(ran.status, Some(0), "{}", ran.err);
-    let words = |line: &str| line.split_whitespace().take(4).collect::<Vec<_>>().join(" ");
-    let rows: Vec<String> = ran.out.lines().map(words).collect();
+    has_parts(&refused.refusal(), &["--goal-radius applies only to maps"]);
+    let line = "suite fetch-reach trap --method gdg --sweep tau=0.01,0.02 --budget 300 --eval-tasks 1 --out out";
+    let ran = in_folder(place.0.path(), &[&words(line)[..], &SMALL].concat());
+    ran.success();
+    let first = |line: &str| line.split_whitespace().take(4).collect::<Vec<_>>().join(" ");
+    let rows: Vec<String> = ran.out.lines().map(first).collect();
     assert_eq!(rows[0], "map method updates planned", "{}", ran.out);
     assert_eq!(rows[2], "fetch-reach gdg, tau=0.02 300");
     assert!(rows[3].starts_with("trap gdg, tau=0.01 ") && rows.len() == 9, "{}", ran.out);
@@ -251,7 +247,7 @@ fn interrupted_jobs_resume_bit_for_bit_for_any_number_of_parallel_jobs() {
     has_parts(&listed, &["begun, ", "not begun"]);
 
     let resumed = place.run(&args("parts", "1"));
-    assert_eq!(resumed.status, Some(0), "{}", resumed.err);
+    resumed.success();
     has_parts(&resumed.err, &["resumes after "]);
     assert_eq!(without_times(place.results("parts")), without_times(place.results("whole")));
     assert_eq!(place.files("parts/pictures"), place.files("whole/pictures"));
@@ -267,8 +263,7 @@ fn a_bad_map_is_named_with_its_line_before_anything_runs() {
     let place = Place::new();
     place.map("bad", "type octile\nheight 1\nwidth 3\nmap\n.x.\n");
     let ran = place.run(&["maps", "--out", "out"]);
-    assert_eq!(ran.status, Some(2));
-    has_parts(&ran.err, &["bad.map:5:2", "is not a map character"]);
+    has_parts(&ran.refusal(), &["bad.map:5:2", "is not a map character"]);
     assert!(!place.path("out").exists());
     for (args, part) in [
         (&["no-such.map"][..], "no-such.map"),
@@ -279,8 +274,7 @@ fn a_bad_map_is_named_with_its_line_before_anything_runs() {
         (&[], "FOLDER|MAP"),
     ] {
         let ran = place.run(args);
-        assert_eq!(ran.status, Some(2), "{args:?}: {}", ran.err);
-        has_parts(&ran.err, &[part]);
+        has_parts(&ran.refusal(), &[part]);
     }
 }
 
@@ -290,7 +284,7 @@ fn jobs_are_listed_and_run_by_name() {
     let args = ["maps", "maps/open.map", "--budget", "30", "--out", "out"];
     let list = || place.run(&[&args[..], &["--list"]].concat());
     let listed = list();
-    assert_eq!(listed.status, Some(0), "{}", listed.err);
+    listed.success();
     let lines: Vec<Vec<&str>> =
         listed.out.lines().map(|line| line.split_whitespace().collect()).collect();
     assert_eq!(lines.len(), 2, "the same map counts once: {}", listed.out);
@@ -306,8 +300,10 @@ fn jobs_are_listed_and_run_by_name() {
     );
 
     let unknown = place.run(&[&args[..], &["--job", "open-1"]].concat());
-    assert_eq!(unknown.status, Some(2));
-    has_parts(&unknown.err, &["open-1: there is no such job", "give a number from 1 to 2", open]);
+    has_parts(
+        &unknown.refusal(),
+        &["open-1: there is no such job", "give a number from 1 to 2", open],
+    );
 
     let one = place.run(&[&args[..], &["--job", "2", "--job", parts]].concat());
     assert_eq!((one.status, &*one.out), (Some(0), ""), "{}", one.err);
@@ -346,8 +342,7 @@ fn damaged_results_are_named_and_made_again() {
     // A file of another kind is not replaced.
     let text = "version https://git-lfs.github.com/spec/v1\noid 1\n";
     let said = done(text);
-    let words = said.split_whitespace().collect::<Vec<_>>().join(" ");
-    has_parts(&words, &["is a Git LFS pointer, which"]);
+    has_parts(&one_line(&said), &["is a Git LFS pointer, which"]);
     assert!(!said.contains("begins"), "{said}");
     assert_eq!(std::fs::read_to_string(&file).unwrap(), text);
 
@@ -366,9 +361,7 @@ fn damaged_results_are_named_and_made_again() {
 fn a_job_that_fails_does_not_end_the_others() {
     let place = Place::new();
     let args = ["maps", "--budget", "30", "--out", "out", "--jobs", "1"];
-    let mut command = place.command(&args);
-    command.env("GDG_TUI_FAULTS", "trainer=panic@5");
-    let ran = ran(command);
+    let ran = ran(place.command(&args).env("GDG_TUI_FAULTS", "trainer=panic@5"));
     assert_eq!((ran.status, place.results("out").len()), (Some(1), 1), "{}", ran.err);
     has_parts(&ran.err, &["injected fault", "1 job failed: open-gdg-bridge-1-"]);
     has_parts(&ran.out, &["| open | gdg-bridge | 30 | - | - |"]);
@@ -421,7 +414,7 @@ fn a_checkpoint_that_cannot_be_resumed_is_kept_and_its_job_fails() {
     }
     std::fs::remove_file(&checkpoint).unwrap();
     let again = place.run(&args);
-    assert_eq!(again.status, Some(0), "{}", again.err);
+    again.success();
     assert_eq!(without_times(place.results("out")), without_times(good));
 }
 
@@ -495,7 +488,7 @@ fn maps_of_one_name_have_rows_and_curves_of_their_own() {
     let more = ["--budget", "10", "--seeds", "2", "--out", "out"];
     for maps in [&[here, there][..], &[here]] {
         let done = place.run(&[maps, &more].concat());
-        assert_eq!(done.status, Some(0), "{}", done.err);
+        done.success();
         assert!(!done.err.contains("left out"), "{}", done.err);
         let table = std::fs::read_to_string(place.path("out/success.csv")).unwrap();
         let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
 use signal_hook::consts::{SIGINT, SIGQUIT};
 
+use crate::ran::ran;
+
 /// Settings that keep a run small.
 const SMALL: [&str; 6] =
     ["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"];
@@ -259,6 +261,25 @@ impl Session {
     }
 }
 
+/// Waits until `is` holds.
+pub fn wait_until(what: &str, is: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !is() {
+        assert!(began.elapsed() < Duration::from_mins(1), "{what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Returns `command` as a shell runs it after `first`.
+pub fn after(first: &str, command: &Command) -> Command {
+    let mut shell = Command::new("sh");
+    shell.args(["-c", &format!("{first}; exec \"$0\" \"$@\"")]);
+    shell.arg(command.get_program()).args(command.get_args());
+    shell.current_dir(command.get_current_dir().unwrap());
+    shell.envs(command.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    shell
+}
+
 /// Sends a signal by its name.
 pub fn kill(process: u32, name: &str) {
     let sent =
@@ -299,9 +320,8 @@ pub fn isolated_command(folder: &Path) -> Command {
 
 /// Runs a command and returns its exit status, standard output and standard error.
 pub fn outcome(command: &mut Command) -> (i32, String, String) {
-    let output = command.stdin(std::process::Stdio::null()).output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
+    let done = ran(command);
+    (done.status.unwrap_or(-1), done.out, done.err)
 }
 
 /// Returns all checkpoints below `folder`, sorted.

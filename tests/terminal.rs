@@ -1,9 +1,7 @@
 //! The real program in a pseudo-terminal: what a user sees and presses, and what remains on the
 //! terminal.
 
-use std::time::Duration;
-
-use crate::support::{Session, kill, non_zero, size};
+use crate::support::{Session, kill};
 
 #[test]
 fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
@@ -99,8 +97,9 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
         Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
     again.wait_for("rooms gdg-bridge default (3 changed) seed 3");
     again.wait_for("training");
-    // Long training would be asked about.
+    // What has been trained until then would be asked about.
     again.press_for(" ", "paused");
+    again.press_for("s", "saved saves/rooms-gdg-bridge-seed3.safetensors");
     // The checkpoint list shows it too.
     again.press_for("L", "load a checkpoint");
     again.wait_for("rooms gdg-bridge");
@@ -234,27 +233,13 @@ fn a_configuration_sets_keys_and_theme_and_its_errors_are_reported() {
 }
 
 #[test]
-fn the_interface_survives_resizes_clicks_and_huge_pastes() {
+fn the_interface_survives_huge_pastes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("quit");
-    for (cols, rows) in [(1, 1), (200, 60), (3, 2), (40, 10), (1, 50), (80, 24)] {
-        // The screen first: what is drawn for the new size must find it.
-        session.screen.lock().unwrap().screen_mut().set_size(non_zero(rows), non_zero(cols));
-        session.master.resize(size(cols, rows)).unwrap();
-        std::thread::sleep(Duration::from_millis(40));
-    }
     session.press("\x1b[200~");
     session.press(&"q".repeat(1 << 20));
     session.press("\x1b[201~");
-    // Mouse: press, drag and release all over the map, and beyond the screen.
-    for i in 1..200 {
-        session.press(&format!(
-            "\x1b[<0;{i};{}M\x1b[<32;{i};{}M\x1b[<0;{i};{i}m",
-            i % 30 + 1,
-            i % 24 + 1
-        ));
-    }
     session.wait_for("updates");
     // A paste into a text field is cut to the maximum length of the field.
     session.press(":\x1b[200~");
@@ -262,23 +247,6 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     session.press_for("\x1b[201~", "> ");
     session.close("Esc: close");
     assert_eq!(session.interrupt(), 0);
-}
-
-#[test]
-fn a_signal_restores_the_terminal_and_saves_the_checkpoint() {
-    let folder = tempfile::tempdir().unwrap();
-    for (signal, status) in [("TERM", 143), ("HUP", 129)] {
-        let session = Session::start(folder.path(), &["trap", "--save", "kept.safetensors"]);
-        session.wait_for("quit");
-        let id = session.child.process_id().unwrap();
-        std::process::Command::new("kill")
-            .args([format!("-{signal}"), id.to_string()])
-            .status()
-            .unwrap();
-        assert_eq!(session.end(), status);
-        assert!(folder.path().join("kept.safetensors").is_file());
-        std::fs::remove_file(folder.path().join("kept.safetensors")).unwrap();
-    }
 }
 
 #[test]

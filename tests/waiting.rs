@@ -5,7 +5,7 @@ use std::process::Stdio;
 
 use tempfile::TempDir;
 
-use crate::ran::{SMALL, has_parts, program_in, ran};
+use crate::ran::{SMALL, has_parts, in_folder, program_in, words};
 
 const FAULTS: &str = "GDG_TUI_FAULTS";
 
@@ -15,13 +15,9 @@ const SLOW: &str = "work=delay:2400@1";
 /// Returns a folder with a run, its transitions, and a folder of maps.
 fn files() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let mut train = program_in(folder.path());
-    train.args(["--no-ui", "trap", "--max-updates", "20", "--eval-tasks", "1"]).args(SMALL);
-    train.args(["--save", "saves/own.safetensors"]);
-    assert_eq!(ran(train).status, Some(0));
-    let mut export = program_in(folder.path());
-    export.args(["export-data", "saves/own.safetensors", "--out", "own.npz"]);
-    assert_eq!(ran(export).status, Some(0));
+    let train = "--no-ui trap --max-updates 20 --eval-tasks 1 --save saves/own.safetensors";
+    in_folder(folder.path(), &[&words(train)[..], &SMALL].concat()).success();
+    in_folder(folder.path(), &words("export-data saves/own.safetensors --out own.npz")).success();
     std::fs::create_dir(folder.path().join("maps")).unwrap();
     for name in ["a", "b"] {
         std::fs::write(folder.path().join(format!("maps/{name}.map")), "S....G\n").unwrap();

@@ -36,7 +36,7 @@ Examples:
 Exit status: as of gdg-tui suite.";
 
 #[derive(Clone, Debug, Args)]
-#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true, arg_required_else_help = true)]
 pub struct FigureOptions {
     /// Figures of the paper, all of them, or OGBench's point mazes
     #[arg(value_name = "FIGURE", required = true, value_parser = names())]

@@ -318,7 +318,7 @@ impl Runner<'_> {
     fn run_locked(&self, i: usize) -> Result<End, Report> {
         let job = self.open[i];
         let mut trainer = self.resume_or_begin(i)?;
-        trainer.set_job(self.termination.job().clone());
+        trainer.set_job(self.termination.job.clone());
         self.progress.begin(i, self.share_of(i, &trainer));
         let mut saver = CheckpointSaver::new(SaveTo::Replace(self.all.folder.checkpoint(job)));
         let ended = self.train_and_finish(i, &mut trainer, &mut saver);

@@ -44,7 +44,7 @@ usage or input; 128 + its number after a signal, as 130 after \
 Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 #[derive(Clone, Debug, Args)]
-#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true, arg_required_else_help = true)]
 pub struct SuiteOptions {
     /// Built-in maps, map files, folders, of which the .map files that are not hidden are used, or
     /// the .txt files if there are none, and other worlds, like fetch-reach

@@ -35,8 +35,7 @@ impl Log for LogFile {
         if !self.enabled(record.metadata()) {
             return;
         }
-        let now = Timestamp::now();
-        let (level, target) = (record.level(), record.target());
+        let (now, level, target) = (Timestamp::now(), record.level(), record.target());
         // It may quote names and files.
         let text = sanitized_lines(&record.args().to_string());
         let line = format!("{now:.6} {level:>5} {target}: {text}\n");

@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::atomic::AtomicI32;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
@@ -49,7 +50,8 @@ const REPEATING: [i32; 5] = [SIGHUP, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
 #[derive(Clone, Default)]
 pub struct TerminationSignal {
     number: Arc<AtomicI32>,
-    job: Job,
+    /// Cancelled by it.
+    pub job: Job,
 }
 
 impl TerminationSignal {
@@ -72,11 +74,10 @@ impl TerminationSignal {
     fn listen_with(restore_terminal: Option<fn()>) -> Result<Self, Report> {
         let termination = Self::default();
         let ignored = ignored_signals();
-        let is_ignored = |number: &i32| ignored >> (number - 1) & 1 == 1;
-        let mut signals =
-            Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
-        let linux = LINUX.into_iter().flatten().filter(|_| cfg!(target_os = "linux"));
-        for number in linux.filter(|number| !is_ignored(number)) {
+        let is_heard = |number: &i32| ignored >> (number - 1) & 1 == 0;
+        let mut signals = Signals::new(ENDING.into_iter().filter(is_heard)).into_diagnostic()?;
+        let is_there = |number: &i32| cfg!(target_os = "linux") && is_heard(number);
+        for number in LINUX.into_iter().flatten().filter(is_there) {
             // The C library reserves some real-time signals.
             let _ = signals.add_signal(number);
         }
@@ -88,11 +89,7 @@ impl TerminationSignal {
                 if arrivals.is_repeated_request(number, Instant::now()) {
                     end_at_once(restore_terminal, own.number().unwrap_or(number));
                 }
-                if own
-                    .number
-                    .compare_exchange(0, number, Ordering::Relaxed, Ordering::Relaxed)
-                    .is_ok()
-                {
+                if own.number.compare_exchange(0, number, Relaxed, Relaxed).is_ok() {
                     printing::hurry();
                     own.job.cancel();
                     let how_to_end = if number == SIGINT { ONCE_MORE } else { TWICE };
@@ -112,16 +109,12 @@ impl TerminationSignal {
     }
 
     pub fn number(&self) -> Option<i32> {
-        Some(self.number.load(Ordering::Relaxed)).filter(|number| *number != 0)
+        Some(self.number.load(Relaxed)).filter(|number| *number != 0)
     }
 
     /// Returns the exit status of a run ended gracefully by a signal, if there was one.
     pub fn status(&self) -> Option<u8> {
         self.number().map(|number| 128 + number as u8)
-    }
-
-    pub fn job(&self) -> &Job {
-        &self.job
     }
 }
 

@@ -61,7 +61,7 @@ impl Canvas {
             let shown = self.grounds[own(n)] != Ground::Outside;
             *colour = shown.then(|| self.pixels[own(n)].into());
         }
-        let merge = if theme.has_all_colours() { mean } else { most_frequent };
+        let merge = if theme.depth == ColourDepth::Indexed { most_frequent } else { mean };
         let (mask, front, back) = two_colours(&colours[..count], merge);
         let marker = self.frame.marker;
         let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));

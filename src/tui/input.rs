@@ -18,8 +18,9 @@ use std::time::Duration;
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::unistd::{getpgrp, tcgetpgrp};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
+
+use crate::process::waiting::is_in_foreground;
 
 /// Capacity of the event queue; while it is full, input stays in the terminal's buffer.
 const MAX_WAITING: usize = 256;
@@ -51,12 +52,6 @@ pub enum Input {
     Event(Event),
     /// The reply to a query: a control sequence, or a control string without its terminator.
     Reply(Vec<u8>),
-}
-
-/// Whether the program is in the terminal's foreground process group.
-pub fn is_in_foreground(terminal: impl AsFd) -> bool {
-    // If the terminal is gone, later errors report that.
-    tcgetpgrp(terminal).map_or(true, |group| group == getpgrp())
 }
 
 pub struct InputStream {

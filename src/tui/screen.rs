@@ -173,7 +173,7 @@ impl Screen {
 
     pub fn refuse_to_train(&mut self) {
         let key = self.keymap.key_of(Action::TrainCopy);
-        self.say(&format!("another program trains this run: {key} trains a copy"));
+        self.say(&format!("this run is only watched: {key} trains a copy"));
     }
 
     pub fn request(&self, request: Request) {

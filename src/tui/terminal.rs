@@ -29,9 +29,10 @@ use tokio::signal::unix::{self, SignalKind, signal};
 
 use super::graphics::patches::{DELETE_ALL, Patches};
 use super::graphics::{self, Answer, Graphics, Redraw};
-use super::input::{Input, InputStream, is_in_foreground};
+use super::input::{Input, InputStream};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use crate::process::signals::TerminationSignal;
+use crate::process::waiting::is_in_foreground;
 use crate::tui::choices::Marker;
 use gdg::printing;
 use gdg::text::sanitized_lines;

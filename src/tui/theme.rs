@@ -200,10 +200,6 @@ impl Theme {
         }
     }
 
-    pub fn has_all_colours(&self) -> bool {
-        self.palette.is_none()
-    }
-
     pub fn failure(&self) -> Style {
         match self.depth {
             ColourDepth::Mono => Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED),
@@ -307,7 +303,9 @@ impl Palette {
             own
         });
         let distances = match theme {
-            ThemeName::ColourBlindSafe => spread(&COLOUR_BLIND_SAFE),
+            ThemeName::ColourBlindSafe => std::array::from_fn(|i| {
+                rgb_of_indexed(COLOUR_BLIND_SAFE[i * COLOUR_BLIND_SAFE.len() / LEVELS])
+            }),
             _ => of_gradient,
         };
         let contours = std::array::from_fn(|i| {
@@ -326,10 +324,6 @@ impl Palette {
         let level = self.distances.iter().position(|own| *own == ground);
         level.map_or(contour(ground), |level| self.contours[level])
     }
-}
-
-fn spread(colours: &[u8]) -> [Rgb; LEVELS] {
-    std::array::from_fn(|i| rgb_of_indexed(colours[i * colours.len() / LEVELS]))
 }
 
 fn levels() -> [f32; LEVELS] {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{checkpoint, events, folder};
-use crate::ran::words;
+use crate::ran::{one_line, words};
 use crate::support::{headless, isolated_command, outcome};
 
 /// Runs the program with what is typed; returns exit status, output and errors.
@@ -11,12 +11,6 @@ pub fn typed(folder: &Path, args: &[&str]) -> (i32, String, String) {
     outcome(isolated_command(folder).args(args))
 }
 
-/// Returns an error as it was before its lines were broken.
-pub fn one_line(error: &str) -> String {
-    error.replace('│', "").split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// Returns a table without what depends on the machine's speed.
 #[test]
 fn counts_are_accepted_as_people_write_them_or_it_is_said_how() {
     let folder = folder();

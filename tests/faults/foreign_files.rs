@@ -31,11 +31,7 @@ fn run(folder: &Path, args: &[impl AsRef<OsStr>]) -> (i32, String, String) {
 fn refusal(folder: &Path, args: &[impl AsRef<OsStr> + std::fmt::Debug]) -> String {
     let (status, _, errors) = run(folder, args);
     assert_eq!(status, 2, "{args:?}: {errors}");
-    in_one_line(&errors)
-}
-
-fn in_one_line(errors: &str) -> String {
-    errors.split_whitespace().filter(|word| *word != "│").collect::<Vec<_>>().join(" ")
+    one_line(&errors)
 }
 
 /// Returns words and further arguments, which need not be UTF-8.

@@ -1,6 +1,6 @@
 //! What people type and bring, in the ways of many places.
 
-use super::command_line::{one_line, typed};
+use super::command_line::typed;
 use super::*;
 
 /// Returns what a shell offers after these words.
@@ -161,11 +161,8 @@ fn a_file_called_like_a_built_in_map_is_not_blamed_for_it() {
 #[test]
 fn a_limit_of_the_address_space_is_called_that() {
     let folder = folder();
-    let program = headless(folder.path(), &[]);
-    let mut limited = Command::new("sh");
-    limited.args(["-c", "ulimit -v 750000; exec \"$0\" --no-ui trap --max-updates 0 --threads 1"]);
-    limited.arg(program.get_program()).current_dir(folder.path());
-    let (status, _, errors) = outcome(&mut limited);
+    let program = headless(folder.path(), &words("trap --max-updates 0 --threads 1"));
+    let (status, _, errors) = outcome(&mut after("ulimit -v 750000", &program));
     let errors = one_line(&errors);
     assert!(status == 2 && errors.contains("limit of address space (ulimit -v)"), "{errors}");
 }

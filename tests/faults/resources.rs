@@ -1,24 +1,12 @@
 //! What a machine, a container or a job leaves to the program: memory, open files, time.
 
 use std::process::Command;
-use std::time::Duration;
 
+use super::command_line::typed;
 use super::{events, folder};
-use crate::support::{Session, headless, isolated_command, outcome};
+use crate::support::{Session, after, headless, outcome};
 
 const SHORT: [&str; 5] = ["trap", "--max-updates", "5", "--eval-tasks", "1"];
-
-/// Returns `command` as a shell runs it after `first`.
-fn after(first: &str, command: &Command) -> Command {
-    let mut shell = Command::new("sh");
-    shell
-        .args(["-c", &format!("{first}; exec \"$0\" \"$@\"")])
-        .arg(command.get_program())
-        .args(command.get_args());
-    shell.current_dir(command.get_current_dir().unwrap());
-    shell.envs(command.get_envs().map(|(name, value)| (name, value.unwrap())));
-    shell
-}
 
 #[test]
 #[ignore = "needs a system that lets one hide /proc"]
@@ -59,15 +47,7 @@ fn few_open_files_are_an_error_or_enough() {
         let mut session =
             Session::start_with_limit(folder.path(), &["trap"], &format!("-n {files}"));
         assert_ne!(session.status(), 101, "{files}");
-        let began = std::time::Instant::now();
-        while !session.screen_text().contains("open files") {
-            assert!(
-                began.elapsed() < Duration::from_secs(20),
-                "{files}:\n{}",
-                session.screen_text()
-            );
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        session.wait_for("open files");
     }
 }
 
@@ -80,9 +60,8 @@ fn settings_with_which_training_would_never_begin_are_refused() {
         ("learning_starts=18446744073709551615", "from 0 to 100000000"),
         ("episode_steps=4294967295", "from 1 to 60000"),
     ] {
-        let mut command = isolated_command(folder.path());
-        let (status, _, errors) =
-            outcome(command.args(["--no-ui", "trap", "--max-updates", "1", "--set", setting]));
+        let args = ["--no-ui", "trap", "--max-updates", "1", "--set", setting];
+        let (status, _, errors) = typed(folder.path(), &args);
         assert!(status == 2 && errors.contains(range), "{setting}: {status}, {errors}");
     }
 }
@@ -90,7 +69,7 @@ fn settings_with_which_training_would_never_begin_are_refused() {
 #[test]
 fn maps_too_long_for_positions_in_single_precision_are_refused() {
     let folder = folder();
-    let check = |file: &str| outcome(isolated_command(folder.path()).args(["check", file]));
+    let check = |file: &str| typed(folder.path(), &["check", file]);
     for (width, height) in [(1 << 15, 1), (1, 1 << 15)] {
         let name = format!("{width}.map");
         let rows = format!("{}\n", ".".repeat(width)).repeat(height);

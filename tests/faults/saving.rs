@@ -9,11 +9,6 @@ use super::*;
 /// Arguments of a short run that is saved several times.
 const SHORT: [&str; 6] = ["--eval-tasks", "1", "--save-every", "0.002", "--max-updates", "200"];
 
-/// Returns text without line breaks and what is drawn beside it.
-fn flat(text: &str) -> String {
-    text.replace('│', " ").split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 /// Returns the names of the files in a folder, sorted; the user's own folder is not among them.
 fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
@@ -119,7 +114,7 @@ mod lacking {
             );
             let (status, output, errors) = without(&[(SYNC, error)], || outcome(&mut command));
             assert_eq!((status, output.as_str()), (2, ""), "{errors}");
-            assert!(flat(&errors).contains("a checkpoint cannot be saved here"), "{errors}");
+            assert!(one_line(&errors).contains("a checkpoint cannot be saved here"), "{errors}");
             assert!(names(folder.path()).is_empty());
         }
     }
@@ -275,7 +270,7 @@ fn a_file_that_another_program_is_replacing_is_left_to_it() {
     assert!(output.contains("small-2.safetensors"), "{output}");
     let why =
         "small.safetensors is saved by another program as well: saving to small-2.safetensors";
-    assert!(flat(&errors).contains(why), "{errors}");
+    assert!(one_line(&errors).contains(why), "{errors}");
     assert_eq!(assert_loads(&path), 350);
     assert_eq!(names(folder.path()), ["small-2.safetensors", "small.safetensors"]);
 }
@@ -351,7 +346,7 @@ fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
             folder.path(),
             &[&["trap", "--save", &name], &SHORT[..]].concat(),
         ));
-        assert!(status == 0 && flat(&errors).contains("belongs to another run"), "{errors}");
+        assert!(status == 0 && one_line(&errors).contains("belongs to another run"), "{errors}");
         for command in ["export-policy", "export-data"] {
             let (status, output, errors) =
                 outcome(isolated_command(folder.path()).args([command, &name]));
@@ -366,7 +361,7 @@ fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
     let (status, output, errors) =
         outcome(&mut headless(folder.path(), &["trap", "--save", &name]));
     assert_eq!((status, output.as_str()), (2, ""));
-    assert!(flat(&errors).contains("its name has 256 bytes"), "{errors}");
+    assert!(one_line(&errors).contains("its name has 256 bytes"), "{errors}");
 }
 
 #[test]
@@ -435,7 +430,7 @@ fn what_is_in_the_way_of_an_experiments_files_is_refused() {
         std::fs::create_dir(&path).unwrap();
         let (status, _, errors) = outcome(&mut suite(folder.path(), "30"));
         assert!(
-            status != 0 && flat(&errors).contains(why) && !errors.contains("begins"),
+            status != 0 && one_line(&errors).contains(why) && !errors.contains("begins"),
             "{}: {errors}",
             path.display()
         );
@@ -450,7 +445,7 @@ fn what_is_in_the_way_of_an_experiments_files_is_refused() {
     let checkpoint = jobs.join(format!("{job}.safetensors"));
     std::fs::write(&checkpoint, "mine").unwrap();
     let (status, _, errors) = outcome(&mut suite(folder.path(), "30"));
-    assert!(status == 1 && flat(&errors).contains("is not a checkpoint of"), "{errors}");
+    assert!(status == 1 && one_line(&errors).contains("is not a checkpoint of"), "{errors}");
     assert_eq!(std::fs::read_to_string(&checkpoint).unwrap(), "mine");
 }
 

@@ -220,6 +220,20 @@ fn in_the_background_it_trains_on_leaves_the_terminal_to_the_shell_and_ends_on_a
 }
 
 #[test]
+fn a_run_without_the_interface_draws_its_progress_in_the_foreground_alone() {
+    let folder = folder();
+    let records = folder.path().join("records");
+    let mut shell = Session::start_shell(folder.path());
+    shell.press("$PROGRAM --no-ui trap --set hidden=16 --save kept.safetensors > records &\r");
+    let read = || std::fs::read_to_string(&records).unwrap_or_default();
+    wait_until("no progress", || read().contains("progress"));
+    assert!(!shell.screen_text().contains(" updates, "), "{}", shell.screen_text());
+    shell.press_for("fg\r", " updates, ");
+    shell.press("\x03");
+    wait_until("it does not end", || read().contains("interrupted"));
+}
+
+#[test]
 fn a_terminal_that_cannot_draw_is_sent_no_escape_sequences() {
     for term in ["dumb", ""] {
         let folder = folder();

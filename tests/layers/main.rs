@@ -35,12 +35,12 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
-    ("process", 676),
+    ("process", 674),
     ("setup", 839),
     ("figure", 855),
     ("headless", 928),
-    ("experiment", 5_591),
-    ("tui", 19_348),
+    ("experiment", 5_590),
+    ("tui", 19_341),
     ("cli", 643),
     ("commands", 998),
 ];

@@ -40,18 +40,22 @@ impl Grouping {
             (*kind, sets.reduce(|a, b| &a & &b).unwrap_or_default())
         });
         let common: BTreeMap<_, BTreeSet<&String>> = common.collect();
-        // What is not known tells no runs apart.
-        let mut told: BTreeMap<&str, [BTreeSet<String>; 3]> = BTreeMap::new();
+        // What is not known tells no runs apart, and neither do edits of different maps.
+        let among =
+            |i: usize, run: &SavedRun| (i, run.method.clone(), (i == 0).then(|| run.map.clone()));
+        let mut told: BTreeMap<_, BTreeSet<String>> = BTreeMap::new();
         for run in runs {
-            let all = told.entry(&run.method).or_default().iter_mut().zip(run.circumstances());
-            all.for_each(|(all, own)| all.extend(own));
+            for (i, own) in run.circumstances().into_iter().enumerate() {
+                told.entry(among(i, run)).or_default().extend(own);
+            }
         }
         let told = |run: &SavedRun| {
-            let own = CIRCUMSTANCES.iter().zip(run.circumstances()).zip(&told[&*run.method]);
-            let own = own.filter_map(|((name, own), all)| {
-                Some((name, own?)).filter(|(_, own)| all.len() > 1 && !own.is_empty())
+            let own = run.circumstances().into_iter().enumerate().filter_map(|(i, own)| {
+                let (own, all) = (own?, &told[&among(i, run)]);
+                let text = if i == 0 { briefly(&own, all) } else { own };
+                (all.len() > 1 && !text.is_empty()).then(|| format!("{}={text}", CIRCUMSTANCES[i]))
             });
-            own.map(|(name, own)| format!("{name}={own}")).collect::<Vec<_>>()
+            own.collect::<Vec<_>>()
         };
         let setting = |run: &SavedRun| {
             let is_own = |set: &&String| !common[&kind(run)].contains(set);
@@ -102,6 +106,17 @@ impl Grouping {
         let (chart, curve) = (named(false), named(true));
         (chart, if curve.is_empty() { self.parts[run][0].clone() } else { curve })
     }
+}
+
+/// Returns the updates of edits alone, if these tell them apart from all others.
+fn briefly(edits: &str, all: &BTreeSet<String>) -> String {
+    let updates = |edits: &str| {
+        let each = edits.split(',').filter_map(|edit| edit.split(':').next());
+        each.collect::<Vec<_>>().join(",")
+    };
+    let own = updates(edits);
+    let alike = all.iter().filter(|other| updates(other) == own).count();
+    if alike == 1 { own } else { edits.to_owned() }
 }
 
 pub type Points = Vec<(f64, f64)>;
@@ -254,11 +269,8 @@ fn interpolated(points: &Points, x: f64) -> Option<f64> {
     if let Some((_, value)) = points.iter().rfind(|point| point.0 == x) {
         return Some(*value);
     }
-    let next = points.iter().position(|point| point.0 > x)?;
-    let (to, right) = points[next];
-    let Some((from, left)) = next.checked_sub(1).map(|before| points[before]) else {
-        return Some(right);
-    };
+    let pair = points.windows(2).find(|pair| pair[0].0 < x && x < pair[1].0)?;
+    let [(from, left), (to, right)] = [pair[0], pair[1]];
     Some(left + (right - left) * (x - from) / (to - from))
 }
 

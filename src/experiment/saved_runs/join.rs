@@ -224,6 +224,8 @@ mod tests {
         let replaced = SavedRun { seed: 4, ..checkpoint(&[1]) };
         let unsaved =
             SavedRun { checkpoint: None, resumed: Some(PATH.into()), ..part("2.jsonl", 2, &[3]) };
+        let elsewhere =
+            SavedRun { resumed: Some("saves/c.safetensors".into()), ..part("3.jsonl", 2, &[3]) };
         let set = SavedRun { settings: vec!["n_step=1".to_owned()], ..first.clone() };
         let of_job = |kind, end| run(kind, &format!("jobs/a.{end}"), 0, &[4]);
         let job = [
@@ -258,6 +260,7 @@ mod tests {
                 &[&part("2.jsonl", 2, &[]), &saved, &first],
                 &["2.jsonl [1.jsonl saves/a.safetensors] 1.0 2.0"],
             ),
+            (&[&first, &elsewhere], &["1.jsonl [] 1.0 2.0", "3.jsonl [] 3.2"]),
             // The later part where they overlap.
             (
                 &[&third, &second, &saved, &first],

@@ -144,8 +144,10 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
         format!("update {then}{walls}{goal}"),
         format!("update {then}"),
     ];
-    let keys = [(Action::Back, ""), (Action::Forth, ""), (Action::Close, "now ")];
-    Some(texts.map(|text| (text, keys.to_vec())).to_vec())
+    let keys =
+        |back, forth| vec![(Action::Back, back), (Action::Forth, forth), (Action::Close, "now ")];
+    let in_words = (texts[0].clone(), keys("earlier ", "later "));
+    Some([in_words].into_iter().chain(texts.map(|text| (text, keys("", "")))).collect())
 }
 
 fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<Hint> {

@@ -297,7 +297,7 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
     let edits = row("map edited", &|run| match &run.edits[..] {
         [] => String::new(),
         [(at, _)] => format!("at {}", grouped(*at)),
-        [.., (last, _)] => format!("{}x to {}", run.edits.len(), grouped(*last)),
+        [.., (last, _)] => format!("{} times, last at {}", run.edits.len(), grouped(*last)),
     });
     let circumstances = CIRCUMSTANCES
         .iter()

@@ -278,7 +278,7 @@ pub const STEPS: &[TourStep] = &[
     step("A bridge", [16.0, 45.0], |_, _| {}, explain_bridge),
     step("A plan", [1.5, 16.0], aim_far, plan),
     step("A door closes", [5.0, 24.0], close_door, closed),
-    step("Now you", [14.0, 14.0], open_door, now_you),
+    step("Now you", [40.0, 40.0], open_door, now_you),
 ];
 
 fn distance_to_goal(maze: &MazeState, screen: &Screen, from: [f32; 2]) -> f32 {
@@ -365,10 +365,11 @@ fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     let Some(TourBridge { stops: [start, bridge, _], distances: [first, second, direct] }) =
         tour.bridge
     else {
-        let text =
-            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G).";
-        let subject = vec![goal];
-        return Some(Caption { text: text.to_owned(), subject, ..Caption::default() });
+        let text = format!(
+            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G). Looked {} times so far.",
+            tour.searches
+        );
+        return Some(Caption { text, subject: vec![goal], ..Caption::default() });
     };
     // What is seen may still be the walk before.
     let is_own = walk.start == start && maze.view.goal.1 == cx.screen.goal_request;

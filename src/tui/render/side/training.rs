@@ -32,7 +32,7 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("D error", "mean error of D against the true steps"),
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
-    ("next", "when they are measured again"),
+    ("next test", "when they are measured again"),
     ("saved", "when its program saved what is shown"),
     ("explored", "visited share of the reachable cells"),
     ("moves", "steps that move what has to be moved"),
@@ -167,19 +167,19 @@ fn next(screen: &Screen) -> Line<'static> {
         return fact("saved", saved.clone());
     }
     if !screen.snapshot.learns {
-        return fact("next", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
+        return fact("next test", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
     }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running(_) => {
             let long = screen.evaluating.as_ref();
             let long = long.map_or(" now".to_owned(), |so_far| format!(", {so_far}"));
-            return fact("next", format!("running{long}"));
+            return fact("next test", format!("running{long}"));
         }
         _ if !screen.snapshot.phase.is_training() => "paused".to_owned(),
         NextEvaluation::InSeconds(seconds) => format!("in {seconds} s"),
         NextEvaluation::AtUpdate(updates) => format!("at {}", short(updates as f64)),
     };
-    fact("next", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
+    fact("next test", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
 }
 
 /// Returns the title of success by distance: the nearest and the farthest.
