@@ -13,6 +13,7 @@ use jiff::tz::TimeZone;
 
 use super::Wish;
 use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
+use crate::setup::saves::ago;
 use gdg::files;
 use gdg::text::counted;
 
@@ -212,8 +213,11 @@ impl List {
             others => format!(" with {} not chosen", counted(others, "run")),
         };
         let names = files.iter().map(|file| name(file)).collect::<Vec<_>>().join(", ");
+        // What has just been written another program may still train.
+        let written = files.iter().filter_map(|file| file.metadata().ok()?.modified().ok()).max();
+        let written = written.and_then(ago).map_or(String::new(), |at| format!("; written {at}"));
         let count = counted(files.len() as u64, "file");
-        Ok((format!("delete {count}{others} for good? y: yes  n: no ({names})"), files))
+        Ok((format!("delete {count}{others} for good? y: yes  n: no ({names}{written})"), files))
     }
 }
 
@@ -272,16 +276,13 @@ pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {
 }
 
 fn remove(file: &Path) -> IoResult<()> {
-    let in_use = || Error::new(ErrorKind::ResourceBusy, "another program uses it");
-    if files::is_in_use(file) {
-        return Err(in_use());
-    }
-    let removed = files::while_locked(file, || match std::fs::remove_file(file) {
+    let remove = || match std::fs::remove_file(file) {
         // What is gone needs no removal.
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),
-    });
-    removed.unwrap_or_else(|| Err(in_use()))
+    };
+    let removed = (!files::is_in_use(file)).then(|| files::while_locked(file, remove)).flatten();
+    removed.unwrap_or_else(|| Err(Error::new(ErrorKind::ResourceBusy, "another program uses it")))
 }
 
 #[cfg(test)]

@@ -196,7 +196,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.show_runs(&["a", "b", "c"].map(own));
     type_text(&mut screen, " j D");
     let asked = shown_by(&mut screen, 200, 40);
-    assert!(asked.contains("delete 2 files for good? y: yes  n: no (b, c)"), "{asked}");
+    assert!(asked.contains("for good? y: yes  n: no (b, c; written just now)"), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only y deletes");
     type_text(&mut screen, "Dy");

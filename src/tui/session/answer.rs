@@ -181,10 +181,8 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
     let lost = lost.map(|lost| format!("{lost}; Enter again writes it without them"));
     let there = files.iter().filter(|file| file.is_file()).map(|file| file.display().to_string());
     let there = there.reduce(|file, image| format!("{file} and {image}"));
-    let there = there.map(|there| match &lost {
-        Some(_) => format!(" and replaces {there}"),
-        None => format!("Enter again replaces {there}"),
-    });
+    let replaces = if lost.is_some() { " and replaces" } else { "Enter again replaces" };
+    let there = there.map(|there| format!("{replaces} {there}"));
     Ok(lost.into_iter().chain(there).reduce(|lost, there| lost + &there))
 }
 

@@ -148,9 +148,9 @@ impl EffectWatch {
             }
             true => return None,
         };
-        let since = grouped(steps.saturating_sub(judged.steps as u64));
         let said = std::mem::replace(&mut self.has_said, true);
-        (!said).then(|| format!("warning: {}: since about step {since}, {what}", world.title()))
+        let by = format!("warning: {}: since step {} or before", world.title(), grouped(steps));
+        (!said).then(|| format!("{by}, {what}"))
     }
 }
 

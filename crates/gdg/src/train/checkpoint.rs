@@ -153,6 +153,7 @@ impl SaveTo {
 
     pub fn obstacle(&self) -> &'static str {
         match self {
+            Self::CreateNew(path) if !path.exists() => "is a link to a file that is not there",
             _ if !is_checkpoint(self.path()) => "is not a checkpoint of gdg-tui",
             Self::Replace(_) => "is saved by another program as well",
             Self::CreateNew(_) => "belongs to another run",

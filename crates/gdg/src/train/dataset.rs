@@ -261,17 +261,16 @@ pub fn data_file(
         let width = states.len() / rows;
         states.chunks_exact_mut(width).for_each(|state| recorded.recorded_state(state));
     }
-    let table = |numbers: Vec<f32>| {
-        let columns = numbers.len() / rows;
-        Tensor::from_vec(numbers, (rows, columns), &Device::Cpu)
-    };
+    let table = |numbers: Vec<f32>| Tensor::from_vec(numbers, (rows, ()), &Device::Cpu);
     let last = Tensor::from_vec(ends, rows, &Device::Cpu)?;
     let arrays = [(STATES, table(states)?), (ACTIONS, table(actions)?), (ENDS[0], last)];
     progress.set(1, 3);
-    let file = tempfile::NamedTempFile::new()?;
-    Tensor::write_npz(&arrays, file.path())?;
+    let folder = std::env::temp_dir();
+    let failed = |why| TrainError::Other(format!("{} (TMPDIR): {why}", folder.display()));
+    let file = tempfile::NamedTempFile::new().map_err(|error| failed(error.to_string()))?;
+    Tensor::write_npz(&arrays, file.path()).map_err(|error| failed(error.to_string()))?;
     progress.set(2, 3);
-    Ok(std::fs::read(file.path())?)
+    std::fs::read(file.path()).map_err(|error| failed(error.to_string()))
 }
 
 /// Returns a file's CRC-32 and its facts before it was read, as the first part of the progress.
