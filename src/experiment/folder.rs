@@ -133,14 +133,10 @@ impl Folder {
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
         paths.retain(|path| has_extension(path, "json") && !is_hidden(path));
         paths.sort();
-        let (mut results, mut problems) = (Vec::new(), Vec::new());
-        for path in paths {
-            match read_result(&path) {
-                Ok(result) => results.push(result),
-                Err(problem) => problems.push(problem),
-            }
-        }
-        (results, problems)
+        let read = paths.iter().map(|path| read_result(path));
+        let (results, problems): (Vec<_>, Vec<_>) = read.partition(Result::is_ok);
+        let problems = problems.into_iter().filter_map(Result::err);
+        (results.into_iter().flatten().collect(), problems.collect())
     }
 
     pub fn check_result_writable(&self, job: &JobSpec) -> Result<(), Report> {
@@ -189,10 +185,9 @@ impl Folder {
         // The result last: it marks the job as done.
         self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
         if !keep {
+            // A leftover checkpoint does no harm: the result counts. Somebody may go on with it.
             let checkpoint = self.checkpoint(job);
-            // A leftover checkpoint does no harm: the result counts.
-            let _ = std::fs::remove_file(&checkpoint);
-            elsewhere(&checkpoint).iter().for_each(|path| remove_own(path));
+            elsewhere(&checkpoint).iter().chain([&checkpoint]).for_each(|path| remove_own(path));
         }
         drawn.wrap_err("the result is kept, but its picture cannot be written")
     }

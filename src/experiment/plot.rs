@@ -15,7 +15,7 @@ use super::spec::EvaluationAt;
 use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, MOST_BYTES, Sheet, table_behind};
 use crate::process::waiting::Waiting;
 use crate::setup::outputs::{refuse_existing, write_file};
-use gdg::files::{named, read};
+use gdg::files::{named, read, while_locked};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
 pub use lines::{Grouping, Points, SeedCurves, table};
@@ -302,11 +302,16 @@ pub fn write_unless_edited(
     sheet: &Sheet,
 ) -> Result<(), Report> {
     let paths: Vec<PathBuf> = figures.iter().map(|name| folder.path(name)).collect();
-    if let Err(problem) = refuse_edited(&paths, &folder.path(table.0), false) {
-        eprint_line(&format!("{problem}, edited: figure and table are left as they are"));
-        return Ok(());
-    }
-    write_with_table(&paths, (&folder.path(table.0), table.1), sheet).map(drop)
+    let (csv, rows) = (folder.path(table.0), table.1);
+    // Another process may end at the same time, with other results.
+    let written = while_locked(&csv, || match refuse_edited(&paths, &csv, false) {
+        Err(problem) => {
+            eprint_line(&format!("{problem}, edited: figure and table are left as they are"));
+            Ok(())
+        }
+        Ok(()) => write_with_table(&paths, (&csv, rows), sheet).map(drop),
+    });
+    written.unwrap_or(Ok(()))
 }
 
 fn beside(path: &Path, name: &str) -> PathBuf {

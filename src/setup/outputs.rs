@@ -87,8 +87,7 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
 
 /// Writes a file and the folders that it is in; returns a line that says where.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
-    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
-    folder.and_then(|()| files::write_atomically(path, bytes)).map_err(|error| {
+    files::write_atomically(path, bytes).map_err(|error| {
         let help = "give --out a file in a writable folder";
         miette!(help = help, "{}: cannot be written: {error}", path.display())
     })?;

@@ -463,10 +463,14 @@ fn begun(command: &mut Command) -> (Child, String) {
 #[test]
 fn a_picture_that_cannot_be_written_does_not_cost_the_result() {
     let folder = folder();
-    let (mut child, job) = begun(&mut suite(folder.path(), "1500"));
+    let others = checkpoint(folder.path());
+    let (mut child, job) = begun(suite(folder.path(), "1500").arg("--no-keep"));
     std::fs::write(folder.path().join("out/pictures"), "mine").unwrap();
+    let kept = folder.path().join(format!("out/jobs/{job}.safetensors"));
+    std::fs::copy(others, &kept).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(1), "it says so");
     assert!(folder.path().join(format!("out/jobs/{job}.json")).is_file());
+    assert!(kept.is_file(), "what another program has saved there is not removed");
 }
 
 #[test]

@@ -20,7 +20,7 @@ const LIBRARY: [Room; 15] = [
     ("printing", 294),
     ("faults", 126),
     ("job", 358),
-    ("files", 885),
+    ("files", 883),
     ("store", 268),
     ("settings", 393),
     ("map", 3_741),
@@ -36,7 +36,7 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 674),
-    ("setup", 839),
+    ("setup", 838),
     ("figure", 855),
     ("headless", 928),
     ("experiment", 5_590),

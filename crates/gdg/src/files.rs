@@ -28,7 +28,10 @@ const MAX_EXTENSION_BYTES: usize = 32;
 
 /// Returns the file in `folder` called `stem` and `end`; a stem that is too long is cut.
 pub fn named(folder: &Path, stem: impl AsRef<OsStr>, end: &str) -> PathBuf {
-    let mut name = fitting(stem.as_ref(), MAX_NAME_BYTES.saturating_sub(end.len()));
+    let (stem, room) = (stem.as_ref(), MAX_NAME_BYTES.saturating_sub(end.len()));
+    let is_short = stem.len() <= room;
+    let mut name: OsString =
+        if is_short { stem.into() } else { beginning(&stem.to_string_lossy(), room).into() };
     name.push(end);
     folder.join(name)
 }
@@ -41,15 +44,6 @@ pub fn numbered(path: &Path, number: u64) -> PathBuf {
             named(folder, stem, &format!("-{number}.{extension}"))
         }
         _ => named(folder, path.file_name().unwrap_or_default(), &format!("-{number}")),
-    }
-}
-
-/// Returns the beginning of a name in at most `max_bytes` bytes.
-fn fitting(name: &OsStr, max_bytes: usize) -> OsString {
-    if name.len() <= max_bytes {
-        name.to_owned()
-    } else {
-        beginning(&name.to_string_lossy(), max_bytes).into()
     }
 }
 

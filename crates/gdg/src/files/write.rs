@@ -92,6 +92,10 @@ struct WriteTarget {
 
 impl WriteTarget {
     fn resolve(path: &Path) -> Result<Self> {
+        if path.starts_with("~") && !Path::new("~").exists() {
+            let problem = "~ is not replaced here as in a shell: give the folder itself";
+            return Err(Error::new(ErrorKind::InvalidFilename, problem));
+        }
         let path = resolve_links(path)?;
         let Some(name) = path.file_name() else {
             return Err(Error::new(ErrorKind::InvalidFilename, "is not a file name"));
@@ -318,7 +322,7 @@ mod tests {
         std::fs::write(&protected, b"mine").expect("written");
         std::fs::set_permissions(&protected, PermissionsExt::from_mode(0o444)).expect("set");
         symlink("circle", &circle).expect("a link");
-        let others = ["/dev/null", "/dev/full/x", "/proc/self/x"].map(Path::new);
+        let others = ["/dev/null", "/dev/full/x", "/proc/self/x", "~/x"].map(Path::new);
         for path in [&*fifo, &protected, &circle, folder.path()].into_iter().chain(others) {
             for result in [write_atomically(path, b"x"), check_writable(path)] {
                 let error = result.expect_err("not a file to be replaced").to_string();
