@@ -104,6 +104,10 @@ fn a_checkpoint_belongs_to_records_of_the_same_data_and_tasks() {
 fn a_run_is_found_and_resumed_on_a_terminal() {
     use crate::support::Session;
     let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::start(folder.path(), &["runs"]);
+    session.wait_for("no runs here yet");
+    session.press("q");
+    assert_eq!(session.end(), 0);
     trained(folder.path(), "trap --save saves/own.safetensors").success();
     let stopped = json!({"event": "end", "reason": "interrupted", "seconds": 2.0, "updates": 1500, "updates_per_second": 500.0});
     std::fs::write(folder.path().join("saves/her.jsonl"), records(1, &stopped)).unwrap();

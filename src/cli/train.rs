@@ -105,9 +105,9 @@ pub struct TrainArgs {
     #[arg(long, value_name = "LEVEL", default_value = "info", value_parser = log_levels())]
     pub log_level: LevelFilter,
 
-    /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the
-    /// newest in saves/, of the map if one is named, before or after (city --resume, --resume city);
-    /// with --no-ui, it is saved only with --save, which may name the same file
+    /// Resume from a checkpoint, which contains its map and settings (the interface can change them): from
+    /// FILE; else from the newest in saves/, of the map if one is named, before or after (city --resume,
+    /// --resume city); with --no-ui, it is saved only with --save, which may name the same file
     #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
     pub resume: Option<Option<PathBuf>>,
 

@@ -114,7 +114,9 @@ impl RunsScreen {
         opener: Opener,
         interface: &PreparedInterface,
     ) -> Result<Self, Report> {
-        let (publish, found) = watch::channel(Arc::default());
+        // Not what an empty folder has.
+        let (publish, found) =
+            watch::channel(Arc::new(FoundRuns { read: [0, 1], ..FoundRuns::default() }));
         let (again, asked) = channel();
         let mut reader = RunReader::new(folders);
         let follow = move || {
@@ -222,13 +224,9 @@ fn read(reader: &mut RunReader, publish: &watch::Sender<Arc<FoundRuns>>) {
         }
         if publish.is_closed() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    publish.send_if_modified(|known| {
-        let is_new = **known != found;
-        if is_new {
-            *known = Arc::new(found);
-        }
-        is_new
-    });
+    if **publish.borrow() != found {
+        publish.send_replace(Arc::new(found));
+    }
 }
 
 impl RunsScreen {

@@ -57,3 +57,40 @@ fn documents_link_to_what_there_is() {
     assert!(checked > 100, "only {checked} links were found");
     assert!(broken.is_empty(), "{broken:#?}");
 }
+
+/// Returns the texts of all files of Rust below `folder`.
+fn sources(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let texts = entries.map(|path| match path.extension() {
+        _ if path.is_dir() => sources(&path),
+        Some(end) if end == "rs" => vec![std::fs::read_to_string(&path).unwrap()],
+        _ => Vec::new(),
+    });
+    texts.flatten().collect()
+}
+
+#[test]
+fn the_page_of_failures_names_tests_and_files_that_there_are() {
+    let code = ["src", "crates", "tests"].map(|folder| sources(&root().join(folder))).concat();
+    let page = std::fs::read_to_string(root().join("docs/reliability.md")).unwrap();
+    let (mut missing, mut checked) = (Vec::new(), 0);
+    for name in page.split('`').skip(1).step_by(2) {
+        let name = name.rsplit("::").next().unwrap();
+        let is_file =
+            name.contains('/') && Path::new(name).extension().is_some_and(|end| end == "rs");
+        let is_there = if is_file {
+            root().join(name).exists()
+        } else if name.matches('_').count() > 1 && !name.contains(' ') {
+            let test = name
+                .strip_suffix("...")
+                .map_or(format!("fn {name}("), |start| format!("fn {start}"));
+            code.iter().any(|text| text.contains(&test))
+        } else {
+            continue;
+        };
+        checked += 1;
+        missing.extend((!is_there).then_some(name));
+    }
+    assert!(checked > 100, "only {checked} names were found");
+    assert!(missing.is_empty(), "{missing:#?}");
+}
