@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 928),
     ("experiment", 5_590),
-    ("tui", 19_338),
+    ("tui", 19_336),
     ("cli", 643),
     ("commands", 998),
 ];

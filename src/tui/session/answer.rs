@@ -1,6 +1,6 @@
 //! Input to dialogs, of which the topmost one gets every event, and the effects of their answers.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEventKind};
 use rand::RngExt;
@@ -14,8 +14,8 @@ use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::lists;
 use gdg::engine::EngineCommand;
 use gdg::files::check_name;
-use gdg::map::{Grid, format_for};
-use gdg::train::{Run, is_checkpoint, with_setting};
+use gdg::map::{Grid, format_for, load_map};
+use gdg::train::{Run, with_setting};
 
 impl Session {
     /// Handles an event while a dialog is open; returns what the user has picked in it.
@@ -173,8 +173,9 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
     let (mut files, mut lost) = (vec![file], None);
     if *question == Question::SaveMap {
         files.extend(format_for(&files[0]).image_of(&files[0]));
-        if files.iter().any(|file| is_checkpoint(file)) {
-            return Err("this file is a checkpoint: enter another name".to_owned());
+        let is_other = |file: &&PathBuf| file.is_file() && load_map(file).is_err();
+        if let Some(other) = files.iter().find(is_other) {
+            return Err(format!("{} cannot be read as a map: give another name", other.display()));
         }
         lost = disk::loss(cx, &files[0]);
     }

@@ -122,14 +122,15 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     let mut app = still();
     // A file, and the image beside a map.
     for (name, replaced, warning) in [
-        ("kept.txt", "kept.txt", "Enter again replaces /"),
+        ("kept.txt", "kept.txt", "size of 2 x 1 cells would be lost"),
         ("scan.yaml", "scan.pgm", "/scan.pgm"),
         ("scan.yaml", "scan.pgm", "scan.yaml and "),
     ] {
-        std::fs::write(file(replaced), "something else").expect("a file");
+        let text = if replaced == "kept.txt" { "..\n" } else { "P2 2 1 9 9 0" };
+        std::fs::write(file(replaced), text).expect("a file");
         let shown = save_as(&mut app, name);
         assert!(shown.contains(warning), "{shown}");
-        assert_eq!(std::fs::read_to_string(file(replaced)).expect("the file"), "something else");
+        assert_eq!(std::fs::read_to_string(file(replaced)).expect("the file"), text);
         press(&mut app, KeyCode::Enter);
         assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&file(replaced)).is_ok());
     }
@@ -144,19 +145,15 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     let shown = save_as(&mut app, "rooms.map");
     assert!(shown.contains("and replaces"), "{shown}");
     press(&mut app, KeyCode::Esc);
-    // What the file there has besides a map.
-    std::fs::write(file("own.csv"), "# mine\n0,7\n").expect("a file");
-    let shown = save_as(&mut app, "own.csv");
-    assert!(shown.contains("other numbers would be lost"), "{shown}");
-    press(&mut app, KeyCode::Esc);
-    // A checkpoint is never replaced.
-    let checkpoint = saved_run(folder.path(), &app).file;
-    let before = std::fs::read(&checkpoint).expect("a checkpoint");
-    for _ in 0..2 {
-        let shown = save_as(&mut app, "saved.safetensors");
-        assert!(shown.contains("this file is a checkpoint"), "{shown}");
+    // A checkpoint, or what else is no map, is never replaced.
+    saved_run(folder.path(), &app);
+    std::fs::write(file("notes.txt"), "mine").expect("a file");
+    for name in ["saved.safetensors", "saved.safetensors", "notes.txt"] {
+        let before = std::fs::read(file(name)).expect("a file");
+        let shown = save_as(&mut app, name);
+        assert!(shown.contains("cannot be read as a map"), "{shown}");
+        assert!(std::fs::read(file(name)).expect("still there") == before);
     }
-    assert!(std::fs::read(&checkpoint).expect("still there") == before);
 }
 
 fn saved_app() -> Still {
