@@ -268,7 +268,9 @@ impl Runner<'_> {
                 match end {
                     End::Done => self.say(*i, &format!("done, {count} of {all}")),
                     End::Elsewhere => self.say(*i, "another process runs it"),
-                    End::Interrupted => self.say(*i, "interrupted, saved"),
+                    End::Interrupted => {
+                        self.say(*i, "interrupted, saved: the same command resumes it")
+                    }
                     End::Failed => {}
                 }
                 ends.lock()[*i] = end;
