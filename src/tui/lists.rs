@@ -186,9 +186,7 @@ pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
     Picker::new("export", kinds.iter().map(item).collect())
 }
 
-pub fn quit_choices(snapshot: &Snapshot, is_map_edited: bool, file: &Path) -> Picker {
-    let map = if is_map_edited { " and map edits" } else { "" };
-    let lost = lost(snapshot, map);
+pub fn quit_choices(lost: String, file: &Path) -> Picker {
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true })
             .on('y'),
@@ -206,8 +204,9 @@ pub fn quit_comparison() -> Picker {
     Picker::new("quit without saving the map?", items)
 }
 
-/// Says what is lost without saving: updates, and `also` something else.
-fn lost(snapshot: &Snapshot, also: &str) -> String {
+/// Says what is lost without saving: updates, and edits of the map.
+pub fn lost(snapshot: &Snapshot, is_map_edited: bool) -> String {
+    let also = if is_map_edited { " and map edits" } else { "" };
     let (unsaved, lost) = (snapshot.unsaved_updates(), snapshot.lost_updates());
     let autosave = snapshot.autosaves.last().filter(|_| lost < unsaved);
     match autosave.and_then(|(_, path)| path.file_name()) {
@@ -220,21 +219,21 @@ fn lost(snapshot: &Snapshot, also: &str) -> String {
     }
 }
 
-/// Asks whether to leave a run, which can be saved first if it is `unsaved`, to `begin` what
+/// Asks whether to leave a run, which can be saved first if something would be `lost`, to `begin` what
 /// `about` describes. As in all questions, `y` loses nothing, `d` discards and `n` changes nothing.
 pub fn leave(
     title: impl Into<String>,
     begin: &str,
     about: &str,
     choice: Choice,
-    unsaved: Option<&Snapshot>,
+    lost: Option<String>,
 ) -> Picker {
-    let save = unsaved.map(|_| {
+    let save = lost.as_ref().map(|_| {
         let first = Choice::SaveFirst(Box::new(choice.clone()));
         Item::new(format!("save, then {begin}"), about, first).on('y')
     });
-    let begin = match unsaved {
-        Some(run) => Item::new(format!("{begin}, unsaved"), lost(run, ""), choice).on('d'),
+    let begin = match lost {
+        Some(lost) => Item::new(format!("{begin}, unsaved"), lost, choice).on('d'),
         None => Item::new(begin, about, choice).on('y'),
     };
     let stay = Item::new("stay", "", Choice::Nothing).on('n');
@@ -251,16 +250,16 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
 }
 
 /// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of
-/// `now`. Offers to save this run first if it is `unsaved`.
+/// `now`. Offers to save this run first if something would be `lost`.
 pub fn map_switch(
     map: &Arc<Grid>,
     now: Option<&Grid>,
     fitted: Option<Grid>,
-    unsaved: Option<&Snapshot>,
+    lost: Option<String>,
 ) -> Picker {
     let title = format!("{} ({} x {})", map.name(), map.width(), map.height());
     let start = Choice::StartOn(map.clone());
-    let mut picker = leave(title, "start a new run on it", "new networks", start, unsaved);
+    let mut picker = leave(title, "start a new run on it", "new networks", start, lost);
     let continued = |label, about, map| Item::new(label, about, Choice::ContinueOn(map)).on('c');
     let size = now.map(|now| (now.width(), now.height()));
     if size == Some((map.width(), map.height())) {

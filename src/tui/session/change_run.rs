@@ -24,8 +24,8 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
     if resets_networks(cx.screen.run(), &run) && is_worth_saving(cx) {
         let (title, begin) =
             ("this resets the networks, which are not saved", "continue with new networks");
-        let choice = Choice::Change(Box::new(run));
-        cx.screen.open(lists::leave(title, begin, "", choice, Some(&cx.screen.snapshot)));
+        let (to, lost) = (Choice::Change(Box::new(run)), lists::lost(&cx.screen.snapshot, false));
+        cx.screen.open(lists::leave(title, begin, "", to, Some(lost)));
     } else {
         change_to(run, saver, cx);
     }
@@ -44,10 +44,10 @@ pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
 
 pub fn ask_to_restart(cx: &mut Cx) {
     let seed = cx.screen.run().seed.wrapping_add(1);
-    let title = format!("restart with seed {seed}");
-    let begin = format!("start with seed {seed}");
-    let choice = Choice::Restart(seed);
-    cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
+    let [title, begin] = ["restart", "start"].map(|word| format!("{word} with seed {seed}"));
+    // On the same map.
+    let lost = is_worth_saving(cx).then(|| lists::lost(&cx.screen.snapshot, false));
+    cx.screen.open(lists::leave(title, &begin, "new networks", Choice::Restart(seed), lost));
 }
 
 pub fn restart(seed: u64, cx: &mut Cx) {
@@ -88,11 +88,10 @@ pub fn continue_on(map: &Grid, cx: &mut Cx) {
 
 /// Loads a checkpoint; asks first if much would be lost, unless the user has decided.
 pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
-    if !is_decided && is_worth_saving(cx) {
+    if let Some(lost) = unsaved(cx).filter(|_| !is_decided) {
         let title = "load a checkpoint without saving this run?";
         let choice = Choice::LoadUnsaved(path);
-        let question = lists::leave(title, "load it", "", choice, Some(&cx.screen.snapshot));
-        return cx.screen.open(question);
+        return cx.screen.open(lists::leave(title, "load it", "", choice, Some(lost)));
     }
     cx.screen.notify(&format!("loading {} ...", path.display()));
     cx.screen.command(EngineCommand::Load(path));

@@ -165,9 +165,8 @@ impl Saver {
             self.is_done = true;
         } else if self.named.is_some() {
             self.save_and_quit(cx);
-        } else if is_worth_saving(cx) {
-            let (latest, is_edited) = (&cx.screen.snapshot, cx.scene.has_unsaved_map());
-            cx.screen.open(lists::quit_choices(latest, is_edited, &self.next_file()));
+        } else if let Some(lost) = unsaved(cx) {
+            cx.screen.open(lists::quit_choices(lost, &self.next_file()));
         } else {
             self.is_done = true;
         }
@@ -199,7 +198,8 @@ impl Saver {
         // What quitting would lose grows while it is asked about.
         let top = cx.screen.dialogs.last_mut().filter(|top| top.asks_to_quit());
         if let Some(Dialog::Pick(list)) = top {
-            let asked = lists::quit_choices(&now, cx.scene.has_unsaved_map(), &self.next_file());
+            let lost = lists::lost(&now, cx.scene.has_unsaved_map());
+            let asked = lists::quit_choices(lost, &self.next_file());
             list.update(asked.items().cloned().collect());
         }
         let mut then = None;
@@ -293,8 +293,9 @@ pub fn is_worth_saving(cx: &Cx) -> bool {
     cx.screen.snapshot.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
 }
 
-pub fn unsaved(cx: &Cx) -> Option<&Snapshot> {
-    is_worth_saving(cx).then_some(&*cx.screen.snapshot)
+/// Says what leaving the run would lose, if it is worth saving.
+pub fn unsaved(cx: &Cx) -> Option<String> {
+    is_worth_saving(cx).then(|| lists::lost(&cx.screen.snapshot, cx.scene.has_unsaved_map()))
 }
 
 impl Session {

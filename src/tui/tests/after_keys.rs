@@ -99,6 +99,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "orandom_actions{enter}{ctrl-u}lots{enter}", &["random_actions cannot be"], &[]),
     (New, SMALL, "orandom_actions{enter}{ctrl-u}0.5{enter}", &["*random_actions"], &[]),
     (Run, SMALL, "R", &[" y save, then start", " d start with seed 2, unsaved"], &["..."]),
+    (Run, LARGE, "exeOtrap{enter}", &["and map edits are lost"], &[]),
     // Typing replaces the answer that is there, unless it was edited.
     (New, SMALL, "ohidden{enter}7", &["> 7 "], &[]),
     (New, SMALL, "ohidden{enter}{backspace}7", &["> 17 "], &[]),

@@ -27,9 +27,10 @@ fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
     let path = Path::new("saves").join(format!("{}END.safetensors", "a-very-long-name-".repeat(6)));
     let mut unsaved = Snapshot::clone(&still().screen.snapshot);
     unsaved.counters.updates = 223_456_789;
+    let (map, lost) = (Arc::new(rooms()), lists::lost(&unsaved, true));
     for question in [
-        lists::quit_choices(&unsaved, true, &path),
-        lists::map_switch(&Arc::new(rooms()), Some(&rooms()), None, Some(&unsaved)),
+        lists::quit_choices(lost.clone(), &path),
+        lists::map_switch(&map, Some(&map), None, Some(lost)),
     ] {
         let details: Vec<String> =
             question.items().map(|item| item.detail.split_whitespace().collect()).collect();
