@@ -268,7 +268,7 @@ impl Runner<'_> {
                 match end {
                     End::Done => self.say(*i, &format!("done, {count} of {all}")),
                     End::Elsewhere => self.say(*i, "another process runs it"),
-                    End::Interrupted => self.say(*i, "interrupted, saved"),
+                    End::Interrupted => self.say(*i, "stopped and saved; run this again to go on"),
                     End::Failed => {}
                 }
                 ends.lock()[*i] = end;
