@@ -2,7 +2,7 @@
 
 use super::super::grid::{Grid, MAX_SIDE, is_size};
 use super::super::text_file::{MapResult, TextFile};
-use super::{CellMark, MapFormat, Source, grid, rows_of, too_large};
+use super::{CellMark, MapFormat, Source, grid, marks, rows_of, too_large};
 use crate::text::grouped;
 
 pub const PLAIN: MapFormat = MapFormat {
@@ -164,13 +164,13 @@ fn size(text: &TextFile, line: usize, value: &str) -> MapResult<usize> {
 /// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map.
 pub fn print_ascii(grid: &Grid) -> String {
     let character = |mark| match mark {
-        CellMark::Free => ".",
-        CellMark::Wall => "#",
-        CellMark::Start => "S",
-        CellMark::Goal => "G",
-        CellMark::Both => "C",
+        CellMark::Free => '.',
+        CellMark::Wall => '#',
+        CellMark::Start => 'S',
+        CellMark::Goal => 'G',
+        CellMark::Both => 'C',
     };
-    rows_of(grid, character, "").join("\n") + "\n"
+    marks(grid).flat_map(|row| row.map(character).chain(['\n'])).collect()
 }
 
 fn write_movingai(grid: &Grid) -> String {
