@@ -441,6 +441,7 @@ fn files_of_others_are_not_replaced() {
     assert_eq!(ran.status, Some(0), "{}", ran.err);
     has_parts(&ran.err, &["report.md: not as gdg-tui has written it", "success.csv: the file"]);
     assert!(files.iter().all(|file| std::fs::read_to_string(file).unwrap() == "mine"));
+    assert!(!ran.err.contains("report: "), "{}", ran.err);
     assert!(!place.path("out/success.svg").exists(), "no figure without its table");
 }
 

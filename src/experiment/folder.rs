@@ -82,7 +82,8 @@ impl Folder {
             eprint_line(&format!("{}: {why}: move it away to have a new one", path.display()));
             return Ok(());
         }
-        self.write("report.md", &text_with_sums(text.into_bytes(), b""))
+        let written = self.write("report.md", &text_with_sums(text.into_bytes(), b""));
+        written.map(|()| eprint_line(&format!("report: {}", path.display())))
     }
 
     pub fn checkpoint(&self, job: &JobSpec) -> PathBuf {

@@ -141,7 +141,6 @@ impl<'a> Jobs<'a> {
             let open = self.all.iter().filter(|job| self.folder.result_of(job).is_none());
             let missing: Vec<&str> = open.map(|job| &*job.name).collect();
             report(&missing)?;
-            eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
             if !missing.is_empty() {
                 let names = missing.join(", ");
                 eprint_line(&format!("{} missing: {names}", counted(missing.len() as u64, "job")));
