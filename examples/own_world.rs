@@ -66,6 +66,7 @@ impl Bead {
             goal_radius: 0.6,
             position_scale: Some(0.6),
             contacts: Vec::new(),
+            time_limit: None,
         };
         Self { spec, positions: vec![0.0; agents], speeds: vec![0.0; agents] }
     }

@@ -180,6 +180,10 @@ pub struct Spec {
     /// What is close together where the achieved goal begins to move, as far as it has been found out.
     #[serde(default)]
     pub contacts: Vec<Contact>,
+    /// Steps that an environment gives an agent, if it has a time limit. What takes far longer is as good
+    /// as out of reach, such as a goal on a table for an object that has fallen off.
+    #[serde(default)]
+    pub time_limit: Option<u32>,
 }
 
 impl Spec {
@@ -432,6 +436,7 @@ pub(crate) mod tests {
             goal_radius: 1.0,
             position_scale: Some(1.0),
             contacts: Vec::new(),
+            time_limit: None,
         }
     }
 }

@@ -42,6 +42,7 @@ impl Line {
             goal_radius: 0.6,
             position_scale: Some(0.6),
             contacts: Vec::new(),
+            time_limit: None,
         };
         Self { spec, positions: vec![0.0; agents], is_elsewhere: false, begun: Vec::new() }
     }

@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{MAX_MAGNITUDE, Spec};
+use crate::env::{MAX_MAGNITUDE, Spec, share};
 
 /// Contacts are looked for in at least this many steps that begin to move the achieved goal: the first
 /// ones are of few episodes, in which it is at the same place.
@@ -12,6 +12,10 @@ const LEAST_BEGINNINGS: usize = 100;
 /// A component goes with the beginnings of moves if its variance there, once a component of the goal is
 /// accounted for, is at most this share of its variance everywhere.
 const MOST_SHARE: f64 = 0.3;
+
+/// This share of the beginnings at either end of a range of the goal is left out of account: an object
+/// that has fallen off the table begins to move elsewhere.
+const TAIL: f64 = 0.05;
 
 /// It goes along with a component of the goal that accounts for at least this share of its variance there;
 /// otherwise it has one place.
@@ -47,12 +51,31 @@ impl Contact {
     }
 }
 
+/// Looks for contacts in `walks`, `(steps, state_dim)` each: what is known of a component is replaced,
+/// and what is new comes last, so that networks read it where they have read it. Returns whether there
+/// is anything else than before.
+pub fn refine(spec: &mut Spec, walks: &[&[f32]]) -> bool {
+    let before = spec.contacts.clone();
+    for found in find(spec, walks) {
+        match spec.contacts.iter_mut().find(|known| known.other == found.other) {
+            Some(known) => *known = found,
+            None => spec.contacts.push(found),
+        }
+    }
+    spec.contacts != before
+}
+
 /// Returns the contacts in `walks`, `(steps, state_dim)` each. There is none where the goal is the whole
 /// state or is always moving.
-pub fn find(spec: &Spec, walks: &[&[f32]]) -> Vec<Contact> {
-    let beginnings: Vec<&[f32]> = walks.iter().flat_map(|walk| beginnings(spec, walk)).collect();
+fn find(spec: &Spec, walks: &[&[f32]]) -> Vec<Contact> {
+    let mut beginnings: Vec<&[f32]> =
+        walks.iter().flat_map(|walk| beginnings(spec, walk)).collect();
     if beginnings.len() < LEAST_BEGINNINGS {
         return Vec::new();
+    }
+    for i in &spec.achieved {
+        let [low, high] = share(beginnings.iter().map(|state| state[*i]).collect(), TAIL);
+        beginnings.retain(|state| (low..=high).contains(&state[*i]));
     }
     let all: Vec<&[f32]> =
         walks.iter().flat_map(|walk| walk.chunks_exact(spec.state_dim())).collect();
@@ -111,13 +134,13 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut rows = Vec::new();
         for step in 0..4_000 {
-            let disc = (step / (rests + 1)) as f32 * 7.0 % 10.0;
-            let away = if step % (rests + 1) == rests {
-                rng.random_range(-0.4..0.4)
-            } else {
-                rng.random_range(-9.0..9.0)
-            };
-            let numbers = [disc + away, disc, rng.random_range(-9.0..9.0)];
+            let turn = step / (rests + 1);
+            let disc = turn as f32 * 7.0 % 10.0;
+            let is_at_it = step % (rests + 1) == rests;
+            let away = if is_at_it { 0.4 } else { 9.0 } * rng.random_range(-1.0..1.0);
+            // Now and then it has fallen, and begins to move again far below.
+            let lies = if turn % 30 == 7 { -300.0 } else { disc };
+            let numbers = [disc + away, lies, rng.random_range(-9.0..9.0)];
             rows.extend(order.map(|i| units[i] * numbers[i]));
         }
         rows
@@ -134,7 +157,13 @@ mod tests {
             assert!((contact.slope / units[0] - 1.0).abs() < 0.01, "{contact:?}");
             assert!(contact.fits(&spec) && !Contact { other: 3, ..contact }.fits(&spec));
             // Where it moves all the time, nothing begins.
-            assert_eq!(find(&spec, &[&walk(order, units, 0)]), []);
+            let (rests, now) = (walk(order, units, 0), walk(order, units, 7));
+            assert_eq!(find(&spec, &[&rests]), []);
+            // What is found later is better.
+            let early = Contact { width: 2.0 * contact.width, ..contact };
+            let mut known = Spec { contacts: vec![early], ..spec.clone() };
+            assert!(!refine(&mut known, &[&rests]) && refine(&mut known, &[&now]));
+            assert_eq!(known.contacts, find(&spec, &[&now]));
         }
     }
 }

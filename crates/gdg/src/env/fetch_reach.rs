@@ -91,6 +91,7 @@ impl FetchReach {
             // (see docs/research/tried.md).
             position_scale: None,
             contacts: Vec::new(),
+            time_limit: None,
         };
         let mut world = Self {
             spec,

@@ -94,6 +94,7 @@ impl PointMaze {
             goal_radius: map.scale().goal_radius,
             position_scale: Some(map.scale().cell as f32),
             contacts: Vec::new(),
+            time_limit: None,
         };
         Self {
             spec,

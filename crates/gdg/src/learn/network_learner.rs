@@ -128,9 +128,11 @@ impl LearnerVariant {
 /// where plans and targets no longer look ahead. Where many numbers depend on each other, an actor
 /// finds actions of which a model errs on the good side, and D becomes as short as if what has to be
 /// moved moved by itself. It then is off by fewer steps, so that only the share says when to trust the
-/// model again.
+/// model again. A D that has been learned from behaviour first is not led astray so easily: the share
+/// grows to the second one within [`SETTLED_UPDATES`].
 const LARGEST_ERROR_STEPS: f32 = 0.25;
-const LARGEST_ERROR_SHARE: f32 = 0.03;
+const LARGEST_ERROR_SHARES: [f32; 2] = [0.03, 0.07];
+const SETTLED_UPDATES: f32 = 20_000.0;
 
 const MODEL_ERROR: &str = "learner_model_error";
 
@@ -140,6 +142,14 @@ const ERROR_UPDATES: f32 = 500.0;
 /// The actor's walks are imagined in one of this many updates, which finds nearly as many places where it
 /// gets stuck in half of the time.
 const WALKS_EVERY_UPDATES: u64 = 2;
+
+/// Whether a model whose mean error in D is `steps`, or a `share` of D, is off by too much to look ahead
+/// after a number of updates, if it `was` before.
+pub fn is_too_far_off(was: bool, [steps, share]: [f32; 2], updates: u64) -> bool {
+    let settled = (updates as f32 / SETTLED_UPDATES).min(1.0);
+    let [first, last] = LARGEST_ERROR_SHARES;
+    share > first + settled * (last - first) && (was || steps > LARGEST_ERROR_STEPS)
+}
 
 /// The networks of a built-in learner, and everything needed to train them.
 pub struct NetworkLearner {
@@ -248,12 +258,12 @@ impl Learner for NetworkLearner {
         self.sample(data, profile)?;
         let losses = self.training.update(Some(job), profile)?;
         let now = [losses.model_steps, losses.model_steps / losses.actor.max(1.0)];
+        let updates = self.training.actor().dense.steps();
         let [steps, share, is_off] = &mut self.model_error;
         for (mean, now) in [&mut *steps, &mut *share].into_iter().zip(now) {
             *mean += (now - *mean) / ERROR_UPDATES;
         }
-        let is_large = *share > LARGEST_ERROR_SHARE;
-        *is_off = f32::from(u8::from(is_large && (*is_off > 0.0 || *steps > LARGEST_ERROR_STEPS)));
+        *is_off = f32::from(u8::from(is_too_far_off(*is_off > 0.0, [*steps, *share], updates)));
         Ok(losses)
     }
 

@@ -6,7 +6,9 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::env::{Contact, Spec};
 use crate::learn::data::batch::Batch;
-use crate::learn::network_learner::{GDG, LearnerVariant, NetworkLearner, VARIANTS};
+use crate::learn::network_learner::{
+    GDG, LearnerVariant, NetworkLearner, VARIANTS, is_too_far_off,
+};
 use crate::learn::networks::policy::{Imagine, Nets};
 use crate::learn::reference::{Net, Reference, wide};
 use crate::learn::update::trained_networks::Training;
@@ -26,6 +28,7 @@ fn spec(state: usize, axes: usize, positions: bool) -> Spec {
         goal_radius: 0.8,
         position_scale: positions.then_some(1.0),
         contacts: if axes < state { vec![CONTACT] } else { Vec::new() },
+        time_limit: None,
     }
 }
 
@@ -428,4 +431,14 @@ fn nothing_looks_ahead_while_the_model_is_off_in_steps_of_distance() {
     store.put_numbers("learner_model_error", vec![chance, 0.1, 1.0]);
     learner.load(&store).expect("loaded");
     assert!(!changes(&learner));
+    // The share says when to look ahead again, and a D that has settled forgives more.
+    for (was, error, updates, is_off) in [
+        (false, [0.2, 0.05], 0, false),
+        (true, [0.2, 0.05], 0, true),
+        (false, [0.5, 0.05], 0, true),
+        (true, [0.5, 0.05], 20_000, false),
+        (true, [0.5, 0.08], 90_000, true),
+    ] {
+        assert_eq!(is_too_far_off(was, error, updates), is_off, "{error:?} after {updates}");
+    }
 }

@@ -126,11 +126,7 @@ impl EnvFacts {
                 has_changed = true;
             }
         }
-        if spec.contacts.is_empty() {
-            spec.contacts = contact::find(spec, walks);
-            has_changed |= !spec.contacts.is_empty();
-        }
-        has_changed
+        contact::refine(spec, walks) || has_changed
     }
 
     /// Says where a short walk leads now if that is elsewhere than when this was found out, and not by
@@ -389,6 +385,7 @@ fn scales(
         goal_radius,
         position_scale: None,
         contacts: Vec::new(),
+        time_limit: about.episode_steps(),
         achieved,
     };
     for (i, column) in columns.iter().enumerate() {
@@ -597,6 +594,7 @@ pub mod tests {
             goal_radius: 0.5,
             position_scale: None,
             contacts: Vec::new(),
+            time_limit: None,
         };
         widen(&mut spec);
         // Four components move, and 2.0 is the upper median of their ranges.

@@ -49,6 +49,9 @@ pub(crate) const RAISE_FACTOR: f32 = 2.0;
 /// raise D of pairs with the same offset that are far away from the wall.
 pub(crate) const RAISE_STEPS: f32 = 4.0;
 
+/// Targets are at most this many times the environment's time limit.
+const MOST_TIME_LIMITS: f32 = 2.0;
+
 /// Most pairs drawn in place of one in which what is achieved does not move.
 const MOST_REDRAWS: usize = 16;
 
@@ -317,7 +320,9 @@ impl BatchSampler {
 
     /// Returns the upper bound of all targets, in steps; infinite if there is none.
     fn max_distance(&self) -> f32 {
-        Some(self.settings.max_distance_steps).filter(|most| *most > 0.0).unwrap_or(f32::INFINITY)
+        let given = Some(self.settings.max_distance_steps).filter(|most| *most > 0.0);
+        let limit = self.spec.time_limit.map(|steps| MOST_TIME_LIMITS * steps as f32);
+        given.into_iter().chain(limit).fold(f32::INFINITY, f32::min)
     }
 
     /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to
@@ -415,15 +420,18 @@ mod tests {
         let sampler =
             BatchSampler { spec: spec.clone(), settings: settings.clone(), returns: None };
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut batch = Batch::default();
+        let (mut batch, mut bounded) = (Batch::default(), sampler.clone());
         sampler.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.greedy_targets && !batch.relearns);
         assert!(batch.lower.iter().all(|steps| *steps == 0.0));
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
-        let bounded = LearnSettings { max_distance_steps: 20.0, ..settings };
-        let bounded = BatchSampler { spec, settings: bounded, returns: None };
-        bounded.sample(&replay, None, &mut rng, &mut batch);
-        assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
+        let set = LearnSettings { max_distance_steps: 20.0, ..settings.clone() };
+        let limited = Spec { time_limit: Some(10), ..spec.clone() };
+        for (spec, settings) in [(limited, settings), (spec, set)] {
+            bounded = BatchSampler { spec, settings, returns: None };
+            bounded.sample(&replay, None, &mut rng, &mut batch);
+            assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
+        }
         check_known(&sampler, &bounded, &mut rng, &mut batch);
     }
 
