@@ -38,16 +38,8 @@ pub const KIND: WorldKind = WorldKind {
         Ok(Box::new(Gym::without_agents(Arc::new(pool), Arc::new(found), true)))
     }),
     load: |store, options| Ok(Box::new(Gym::load(store, options)?)),
-    // Steps are slow, so each is worth an update, as of the arm. Other goals than those of hindsight may be
-    // out of reach, and seldom show what has to be moved.
-    defaults: &[
-        "agents=8",
-        "learning_starts=500",
-        "env_steps_per_update=1",
-        "near_goals=0",
-        "goal_hindsight=0.8",
-        "goal_random=0",
-    ],
+    // Steps are slow, so each is worth an update, as of the arm.
+    defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "near_goals=0"],
 };
 
 type Result<T, E = EnvError> = std::result::Result<T, E>;

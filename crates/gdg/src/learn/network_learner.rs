@@ -129,7 +129,7 @@ impl LearnerVariant {
 /// finds actions of which a model errs on the good side, and D becomes as short as if what has to be
 /// moved moved by itself. It then is off by fewer steps, so that only the share says when to trust the
 /// model again. A D that has been learned from behaviour first is not led astray so easily: the share
-/// grows to the second one within [`SETTLED_UPDATES`].
+/// grows to the second one within [`SETTLED_UPDATES`] where there are contacts.
 const LARGEST_ERROR_STEPS: f32 = 0.25;
 const LARGEST_ERROR_SHARES: [f32; 2] = [0.03, 0.07];
 const SETTLED_UPDATES: f32 = 20_000.0;
@@ -258,7 +258,9 @@ impl Learner for NetworkLearner {
         self.sample(data, profile)?;
         let losses = self.training.update(Some(job), profile)?;
         let now = [losses.model_steps, losses.model_steps / losses.actor.max(1.0)];
-        let updates = self.training.actor().dense.steps();
+        let spec = &self.sampler.spec;
+        let updates =
+            if spec.contacts.is_empty() { 0 } else { self.training.actor().dense.steps() };
         let [steps, share, is_off] = &mut self.model_error;
         for (mean, now) in [&mut *steps, &mut *share].into_iter().zip(now) {
             *mean += (now - *mean) / ERROR_UPDATES;

@@ -107,7 +107,7 @@ settings! {
             /// Without discount, D of goals that are never reached grows without end (Eq. 5);
             /// SoRB's distributional critic is bounded in the same way by its largest bin.
             max_distance_steps: f32 = 0.0, Paper => 20.0;
-                "upper bound of targets; 0 for none",
+                "upper bound of targets; 0 for none but, where there are contacts, twice the time limit",
                 values: Values::number(0.0, 1e6), unit: "steps";
             /// Distances that are far longer or shorter along the bridge graph are bounded by it,
             /// the dynamics model sees more recent transitions (it has yet to learn that new walls

@@ -49,8 +49,13 @@ pub(crate) const RAISE_FACTOR: f32 = 2.0;
 /// raise D of pairs with the same offset that are far away from the wall.
 pub(crate) const RAISE_STEPS: f32 = 4.0;
 
-/// Targets are at most this many times the environment's time limit.
+/// Where something has to be touched first, targets are at most this many times the environment's time
+/// limit: D of what is out of reach grows without end, and with it that of all else.
 const MOST_TIME_LIMITS: f32 = 2.0;
+
+/// Where something has to be touched first, this share of the pairs without a goal in hindsight keeps the
+/// goal pursued: many are out of reach, such as one on the table for an object on the floor.
+const OTHER_GOALS: f32 = 0.4;
 
 /// Most pairs drawn in place of one in which what is achieved does not move.
 const MOST_REDRAWS: usize = 16;
@@ -321,8 +326,9 @@ impl BatchSampler {
     /// Returns the upper bound of all targets, in steps; infinite if there is none.
     fn max_distance(&self) -> f32 {
         let given = Some(self.settings.max_distance_steps).filter(|most| *most > 0.0);
-        let limit = self.spec.time_limit.map(|steps| MOST_TIME_LIMITS * steps as f32);
-        given.into_iter().chain(limit).fold(f32::INFINITY, f32::min)
+        let limit = self.spec.time_limit.filter(|_| !self.spec.contacts.is_empty());
+        let most = limit.map(|steps| MOST_TIME_LIMITS * steps as f32);
+        given.into_iter().chain(most).fold(f32::INFINITY, f32::min)
     }
 
     /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to
@@ -335,11 +341,16 @@ impl BatchSampler {
         rng: &mut ChaCha8Rng,
         goals: &mut Vec<f32>,
     ) -> f32 {
+        let LearnSettings { goal_hindsight: mut hindsight, goal_random: mut random, .. } =
+            self.settings;
+        if self.returns.is_none() && !self.spec.contacts.is_empty() {
+            (hindsight, random) = (1.0 - OTHER_GOALS * (1.0 - hindsight), 0.0);
+        }
         let kind: f32 = rng.random();
-        if kind < self.settings.goal_hindsight {
+        if kind < hindsight {
             return self.push_hindsight_goal(replay, moment, left, rng, goals);
         }
-        if kind < self.settings.goal_hindsight + self.settings.goal_random {
+        if kind < hindsight + random {
             goals.extend(self.spec.achieved(replay.state(replay.sample_any(rng))));
         } else {
             goals.extend(replay.goal(moment));
@@ -397,6 +408,7 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use crate::env::Contact;
     use crate::env::tests::positions;
     use crate::learn::ReplaySizes;
     use crate::learn::data::known::tests::{by_goal, index};
@@ -426,7 +438,8 @@ mod tests {
         assert!(batch.lower.iter().all(|steps| *steps == 0.0));
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
         let set = LearnSettings { max_distance_steps: 20.0, ..settings.clone() };
-        let limited = Spec { time_limit: Some(10), ..spec.clone() };
+        let contacts = vec![Contact { other: 0, goal: 0, slope: 1.0, offset: 0.0, width: 1.0 }];
+        let limited = Spec { time_limit: Some(10), contacts, ..spec.clone() };
         for (spec, settings) in [(limited, settings), (spec, set)] {
             bounded = BatchSampler { spec, settings, returns: None };
             bounded.sample(&replay, None, &mut rng, &mut batch);
