@@ -442,7 +442,7 @@ mod tests {
         let limited = Spec { time_limit: Some(10), contacts, ..spec.clone() };
         for (spec, settings) in [(limited, settings), (spec, set)] {
             bounded = BatchSampler { spec, settings, returns: None };
-            bounded.sample(&replay, None, &mut rng, &mut batch);
+            bounded.sample(&replay, None, &mut rng.clone(), &mut batch);
             assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
         }
         check_known(&sampler, &bounded, &mut rng, &mut batch);
