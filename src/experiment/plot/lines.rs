@@ -40,7 +40,7 @@ impl Grouping {
             (*kind, sets.reduce(|a, b| &a & &b).unwrap_or_default())
         });
         let common: BTreeMap<_, BTreeSet<&String>> = common.collect();
-        // What is not known tells no runs apart, and neither do edits of different maps.
+        // Unknown settings do not distinguish runs, nor do edits of different maps.
         let among =
             |i: usize, run: &SavedRun| (i, run.method.clone(), (i == 0).then(|| run.map.clone()));
         let mut told: BTreeMap<_, BTreeSet<String>> = BTreeMap::new();

@@ -13,8 +13,8 @@ const LEAST_BEGINNINGS: usize = 100;
 /// accounted for, is at most this share of its variance everywhere.
 const MOST_SHARE: f64 = 0.3;
 
-/// This share of the beginnings at either end of a range of the goal is left out of account: an object
-/// that has fallen off the table begins to move elsewhere.
+/// Share of the beginnings ignored at either end of the range of a goal component: an object that has
+/// fallen off the table begins to move elsewhere.
 const TAIL: f64 = 0.05;
 
 /// It goes along with a component of the goal that accounts for at least this share of its variance there;
@@ -51,9 +51,8 @@ impl Contact {
     }
 }
 
-/// Looks for contacts in `walks`, `(steps, state_dim)` each: what is known of a component is replaced,
-/// and what is new comes last, so that networks read it where they have read it. Returns whether there
-/// is anything else than before.
+/// Refits the contacts to `walks`, `(steps, state_dim)` each. Known ones keep their places, so that
+/// networks keep their weights, and new ones come last. Returns whether any has changed.
 pub fn refine(spec: &mut Spec, walks: &[&[f32]]) -> bool {
     let before = spec.contacts.clone();
     for found in find(spec, walks) {

@@ -278,7 +278,7 @@ fn too_fine(spec: &Spec) -> Option<String> {
     })
 }
 
-/// Takes random actions of at most this size for an episode of at most so many steps; returns the rows
+/// Walks at random for one episode, at most `most` steps, with actions up to `size`; returns the rows
 /// and the actions between them.
 fn walk(
     worker: &mut GymWorker,
