@@ -369,17 +369,22 @@ fn a_scenario_is_evaluated_in_six_ranges() {
     let path = folder.path().join("tasks.scen");
     let tasks: String = (0..12).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
     std::fs::write(&path, format!("version 1\n{tasks}")).unwrap();
-    let args =
-        ["trap", "--max-updates", "10", "--eval-tasks", "2", "--scen", path.to_str().unwrap()];
-    let all = run(&args);
-    let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
-    let means: Vec<f64> = evaluation["greedy"]["by_distance"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|g| g["distance_steps"].as_f64().unwrap())
-        .collect();
-    assert_eq!(means, [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]);
+    let saved = folder.path().join("run.safetensors");
+    let [path, saved] = [&path, &saved].map(|path| path.to_str().unwrap());
+    let given = ["trap", "--max-updates", "10", "--eval-tasks", "2", "--scen", path];
+    let begun = run(&[&given[..], &["--save", saved]].concat());
+    // A resumed run goes on with both.
+    let resumed = gdg(&words(&format!("--no-ui --resume {saved} --max-updates 20"))).records();
+    for all in [begun, resumed] {
+        assert_eq!(
+            (&all[0]["eval_tasks"], all[0]["map"]["scenario"].is_string()),
+            (&2.into(), true)
+        );
+        let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
+        let groups = evaluation["greedy"]["by_distance"].as_array().unwrap();
+        let means: Vec<_> = groups.iter().map(|g| g["distance_steps"].as_f64().unwrap()).collect();
+        assert_eq!(means, [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]);
+    }
 }
 
 /// Checks unusable arguments, and what their errors say.

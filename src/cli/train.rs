@@ -15,6 +15,10 @@ use crate::setup::values::{
 use crate::tui::InterfaceOptions;
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
+use gdg::train::History;
+
+/// Evaluation tasks at each distance unless another number is given.
+const EVAL_TASKS: u32 = 20;
 
 /// The map to train on unless another is given.
 const DEFAULT_MAP: &str = "fourrooms";
@@ -65,9 +69,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edits(), requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
-    /// Evaluation tasks at each of six distances (five in fetch-reach)
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = counts::<u32>(1..=10_000))]
-    pub eval_tasks: u32,
+    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 20, or as many as the
+    /// resumed run has had]
+    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
+    pub eval_tasks: Option<u32>,
 
     /// Evaluate on the tasks of this scenario, or of the agents of a map for planners (6 x --eval-tasks of them, evenly spaced)
     #[arg(long, value_name = "FILE")]
@@ -146,10 +151,12 @@ impl TrainArgs {
         self.reading.only_for_maps(resumed.unwrap_or(self.map()))
     }
 
-    pub fn headless(&self) -> HeadlessOptions {
+    /// Returns the options of a run that `history` has of before.
+    pub fn headless(&self, history: &History) -> HeadlessOptions {
+        let before = history.evaluations().last().and_then(|(_, last)| last.greedy.tasks_at_most());
         HeadlessOptions {
             eval_every_updates: self.eval_every_updates,
-            eval_tasks: self.eval_tasks as usize,
+            eval_tasks: self.eval_tasks.or(before).unwrap_or(EVAL_TASKS) as usize,
             save_every_minutes: self.save_every,
             table: self.csv.clone(),
             overwrite: self.overwrite,

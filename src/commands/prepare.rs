@@ -106,7 +106,7 @@ pub fn prepare(
     if !args.edit_at.is_empty() {
         trainer.edits = load_edits(args, &trainer)?;
     } else if let Some(maze) = PointMaze::downcast_ref(trainer.world()).cloned() {
-        // A checkpoint has no scenario.
+        // With the settings and tasks of the run's own map.
         for Edit { updates, world } in &mut trainer.edits {
             let (at, title) = (grouped(*updates), sanitized(world.title()));
             warnings.push(format!("at update {at}, the map is to become {title}"));

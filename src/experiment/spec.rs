@@ -217,8 +217,7 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
 
 /// Returns the tasks at each distance in the first of `evaluations`; of the last, jobs may have more.
 pub fn eval_tasks(evaluations: &[EvaluationAt]) -> Option<u32> {
-    let groups = &evaluations.first()?.evaluation.greedy.by_distance;
-    groups.iter().map(|group| group.tasks as u32).max().filter(|tasks| *tasks > 0)
+    evaluations.first()?.evaluation.greedy.tasks_at_most()
 }
 
 /// A finished job, as stored in its JSON file.

@@ -36,6 +36,7 @@ const NAME: &str = "maze";
 
 /// Where checkpoints have the map's scale, unless that is the default.
 const SCALE: &str = "map_scale";
+const SCENARIO: &str = "scenario";
 
 /// Sub-steps per step; each moves one axis after the other.
 const SUBSTEPS: usize = 10;
@@ -182,7 +183,13 @@ impl PointMaze {
         if !scale.is_valid() {
             return Err(StoreError::inconsistent("the map has an impossible scale"));
         }
-        Ok(Self::new(Arc::new(map.with_scale(scale)), 0))
+        // Earlier checkpoints have none.
+        let scenario: Vec<ScenarioTask> = store.json(SCENARIO).unwrap_or_default();
+        let is_inside = |cell: Cell| cell.x < map.width() && cell.y < map.height();
+        let fits = scenario.iter().all(|task| is_inside(task.start) && is_inside(task.goal));
+        StoreError::unless(fits, "its scenario does not fit its map")?;
+        let scenario = scenario.into();
+        Ok(Self { scenario, ..Self::new(Arc::new(map.with_scale(scale)), 0) })
     }
 
     fn component_at(&self, agent: usize) -> Option<u32> {
@@ -356,6 +363,7 @@ impl Recorded for PointMaze {
         store.put_text("map_name", self.map.name());
         store.put_text("map", print_ascii(&self.map));
         store.put_text(SCALE, json!(self.map.scale()).to_string());
+        store.put_text(SCENARIO, json!(self.scenario).to_string());
     }
 
     fn memory_bytes(&self) -> u64 {

@@ -25,7 +25,7 @@ pub fn size_limits() -> String {
 }
 
 /// A cell at column `x` (rightwards) and row `y` (downwards), counted from the upper left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Cell {
     /// Column, from 0 at the left.
     pub x: usize,

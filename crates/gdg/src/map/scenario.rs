@@ -2,13 +2,15 @@
 
 use std::ops::RangeInclusive;
 
+use serde::{Deserialize, Serialize};
+
 use super::components::Components;
 use super::formats::{AgentTask, agents, is_mapf};
 use super::grid::{Cell, Grid};
 use super::text_file::{MapError, MapResult, TextFile};
 use crate::text::SourceLine;
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScenarioTask {
     pub start: Cell,
     /// The cell it must reach.

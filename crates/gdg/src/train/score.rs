@@ -187,6 +187,12 @@ impl Sums {
 }
 
 impl Score {
+    /// Returns the most tasks at one distance, if there are any.
+    pub fn tasks_at_most(&self) -> Option<u32> {
+        let tasks = self.by_distance.iter().map(|group| group.tasks as u32);
+        tasks.max().filter(|tasks| *tasks > 0)
+    }
+
     /// Scores the tasks of `set` by their `steps`, which are `None` if the goal was not reached in
     /// time.
     pub fn new(set: &TaskSet, steps: &[Option<u32>]) -> Self {

@@ -26,7 +26,9 @@ const LOOK_EVERY: u64 = 1_000;
 
 /// Returns the axes of the goal: cells one goal radius wide.
 pub fn goal_axes(spec: &Spec) -> Vec<Axis> {
-    let (width, step) = (spec.goal_radius, spec.largest_change());
+    let width = spec.goal_radius;
+    // Where nothing has moved yet, a step has no length.
+    let step = Some(spec.largest_change()).filter(|step| *step > 0.0).unwrap_or(width);
     let axis = |component: &usize| Axis { component: *component, width, low: 0.0, step };
     spec.achieved.iter().map(axis).collect()
 }

@@ -30,8 +30,10 @@ const GOALS_PER_SIDE: u32 = 3;
 /// A range is wider than what was seen of it by this factor.
 const MARGIN: f32 = 1.5;
 
-/// A component whose numbers differ by less than this share of their size is constant.
+/// A component whose numbers differ by less than this share of their size is constant; the size is at least
+/// 1, or this many goal radii where that is less.
 const CONSTANT: f32 = 1e-6;
+const UNIT_RADII: f32 = 1e4;
 
 /// Share of the steps that change a component by less than its typical change.
 const TYPICAL: f64 = 0.9;
@@ -104,7 +106,7 @@ impl EnvFacts {
             let range = ranges.find(|[low, high]| high > low).unwrap_or_default();
             let [centre, half] =
                 [0.5 * (range[0] + range[1]), 0.5 * MARGIN * (range[1] - range[0])];
-            let is_constant = half <= CONSTANT * centre.abs().max(1.0);
+            let is_constant = is_constant(half, centre, spec.goal_radius);
             if !spec.achieved.contains(&i)
                 && !is_constant
                 && half > OUTGROWN * spec.state_half_range[i]
@@ -398,7 +400,7 @@ fn scales(
         // Where no goal is, agents need not go, however far a random walk leads.
         let range = of_goals.filter(|[low, high]| high > low).unwrap_or(walked);
         let [centre, half] = [0.5 * (range[0] + range[1]), 0.5 * (range[1] - range[0])];
-        let is_constant = half <= CONSTANT * centre.abs().max(1.0);
+        let is_constant = is_constant(half, centre, goal_radius);
         let changes = seen.walks.iter().flat_map(|walk| walk.windows(2));
         let changes = changes.map(|pair| (pair[1][*column] - pair[0][*column]).abs()).collect();
         spec.state_centre.push(centre);
@@ -421,6 +423,11 @@ fn scales(
     let cell = found.maze_of(about).map_or(goal_radius, Walls::cell_size);
     found.spec.position_scale = are_positions.then_some(cell);
     found
+}
+
+/// Whether a component that varies by `half` around `centre` is constant.
+fn is_constant(half: f32, centre: f32, goal_radius: f32) -> bool {
+    half <= CONSTANT * centre.abs().max((UNIT_RADII * goal_radius).min(1.0))
 }
 
 /// Widens ranges and typical changes of what hardly moved, but of constant components.
@@ -545,7 +552,7 @@ pub mod tests {
     fn scales_are_those_of_the_goals_and_of_what_a_walk_meets() {
         let (seen, about) = (seen(), description(4, 2, 2));
         let columns = columns(&seen, &about, None).expect("columns");
-        let found = scales(&seen, &about, columns, 2.0);
+        let found = scales(&seen, &about, columns.clone(), 2.0);
         let spec = &found.spec;
         // Goals from 0 to 240, starts at 0 and 3; beside them, 103 numbers from 0, 0, 1, 1, 2 to
         // 100, without the lowest and the highest.
@@ -556,6 +563,14 @@ pub mod tests {
         assert_eq!(spec.position_scale, Some(spec.goal_radius), "240 is more than 12 radii");
         assert_eq!(found.check(&about), Ok(()));
         assert_eq!(about.changes_since(&about), Ok(Vec::new()));
+        // In a unit of a billion.
+        let unit = 1e-9;
+        let change = |rows: &mut Vec<f32>| rows.iter_mut().for_each(|v| *v *= unit);
+        let mut seen = seen;
+        seen.starts.iter_mut().chain(&mut seen.goals).chain(&mut seen.walks[0]).for_each(change);
+        let small = scales(&seen, &about, columns, 2.0 * unit).spec;
+        assert!((small.state_half_range[2] / (MARGIN * 120.0 * unit) - 1.0).abs() < 1e-3);
+        assert!((small.change_scale[1] / unit - 1.0).abs() < 1e-3);
     }
 
     #[test]
