@@ -119,7 +119,9 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     let own = || (Some(given.to_owned()), given.to_owned());
     found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
         let help = "a run is seen as its checkpoint has it: train with --save FILE";
-        miette!(help = help, "{}: no run with a checkpoint yet", given.display())
+        let problem =
+            if given.exists() { "no run with a checkpoint yet" } else { "does not exist" };
+        miette!(help = help, "{}: {problem}", given.display())
     })
 }
 

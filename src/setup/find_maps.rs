@@ -1,6 +1,7 @@
 //! Finds the maps that commands name, reads them as options say, and warns about them.
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::path::Path;
 
 use clap::Args;
@@ -10,7 +11,7 @@ use crate::process::errors::from_map_error;
 use crate::setup::values::{counts, reals};
 use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
 use gdg::printing::eprint_line;
-use gdg::text::{counted, nearest, sanitized};
+use gdg::text::{counted, did_you_mean, sanitized};
 use gdg::train::Registry;
 
 /// Maps with fewer free cells are taken for mistakes.
@@ -152,10 +153,21 @@ pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<G
     }
     map::load_map_as(path, reading).map_err(|mut error| {
         if !path.exists() {
-            error.help.push_str(", or a name from 'gdg-tui maps'");
+            error.help = format!("{}{}, or a name from 'gdg-tui maps'", meant(path), error.help);
         }
         from_map_error(error)
     })
+}
+
+/// Asks for the file beside `path`, which does not exist, whose name is most like its own.
+fn meant(path: &Path) -> String {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let beside =
+        std::fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter().flatten().flatten();
+    let beside: Vec<String> =
+        beside.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    let typed = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+    did_you_mean(typed, beside.iter().map(String::as_str))
 }
 
 /// Returns whether `path` looks like a name rather than a file, and is neither that of a built-in
@@ -176,8 +188,7 @@ pub fn unknown_name(path: &Path, registry: &Registry, others: &[String]) -> Repo
     let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
     let worlds: Vec<&str> = worlds.map(|kind| kind.name).collect();
     let names = maps.iter().chain(&worlds).copied().chain(others.iter().map(String::as_str));
-    let nearest = nearest(known_name(path), names);
-    let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+    let nearest = did_you_mean(known_name(path), names);
     let listed = if worlds.is_empty() { "" } else { "; worlds: " }.to_owned() + &worlds.join(", ");
     from_map_error(MapError::whole_file(
         &path.to_string_lossy(),

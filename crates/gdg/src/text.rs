@@ -194,6 +194,11 @@ pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
     most.filter(|(likeness, _)| *likeness > LEAST_LIKENESS).map(|(_, name)| name)
 }
 
+/// Asks for the one of `known` that is most like `typed`, if one is like it at all.
+pub fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(typed, known).map_or(String::new(), |known| format!("did you mean {known}? "))
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
