@@ -14,6 +14,9 @@ use gdg::printing::eprint_line;
 use gdg::text::{counted, did_you_mean, sanitized};
 use gdg::train::Registry;
 
+/// The map to train on unless another is given.
+pub const DEFAULT_MAP: &str = "fourrooms";
+
 /// Maps with fewer free cells are taken for mistakes.
 const FEWEST_CELLS: usize = 4;
 
@@ -78,13 +81,11 @@ pub fn warn(grid: &Grid) {
     warnings(grid).iter().for_each(|warning| eprint_line(warning));
 }
 
-/// Returns warnings about a map for its user, with its name.
+/// Returns warnings about a map for its user, with its name: the first of its faults, too.
 pub fn warnings(grid: &Grid) -> Vec<String> {
     let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
-    let is_marked = !grid.starts().is_empty();
-    let components = is_marked.then(|| Components::of(grid));
-    let unconnected = components.and_then(|components| unconnected_parts(grid, &components));
-    doubts(grid).into_iter().chain(unconnected).map(named).collect()
+    let first = faults(grid).into_iter().next();
+    doubts(grid).into_iter().chain(first).map(named).collect()
 }
 
 /// Returns signs that a map is not what its author meant.
@@ -98,38 +99,37 @@ pub fn doubts(grid: &Grid) -> Option<String> {
     (free < FEWEST_CELLS).then_some(few).or(is_large.then_some(large))
 }
 
-/// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
-/// the largest.
-pub fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String> {
-    disconnected_marks(grid, components).or_else(|| cut_off_starts(grid, components))
-}
-
-fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
-    let own = components.of_cell[grid.index(*grid.starts().first()?)]?;
-    let largest = components.largest();
-    let part = |start: &Cell| components.of_cell[grid.index(*start)];
-    (grid.starts().iter().all(|start| part(start) != Some(largest))).then(|| {
-        let [own, largest] = [own, largest].map(|part| components.sizes[part as usize] as u64);
-        let own = counted(own, "cell");
-        format!(
-            "the start S is cut off, with {own}: agents that begin there stay there, but \
-                 tasks are drawn among {largest} others"
-        )
-    })
-}
-
-fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
-    let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
-    let (starts, goals) = (grid.starts(), grid.goals());
-    let (start, goal) = (starts.first()?, goals.first()?);
-    let all = |cells: &[Cell]| cells.iter().map(component).collect::<BTreeSet<_>>();
-    let which = match (starts, goals) {
-        _ if all(starts) == all(goals) => return None,
-        ([_], [_]) => "the start S and the goal G",
-        _ if component(start) != component(goal) => "the first start S and the first goal G",
-        _ => "some starts S and goals G",
+/// Returns which marked goals no agent can reach, and which starts are cut off.
+pub fn faults(grid: &Grid) -> Vec<String> {
+    let components = Components::of(grid);
+    let part = |cell: &Cell| components.of_cell[grid.index(*cell)];
+    let parts = |cells: &[Cell]| cells.iter().filter_map(part).collect::<BTreeSet<_>>();
+    let (starts, goals, largest) = (grid.starts(), grid.goals(), components.largest());
+    // On a map without S, agents start in the largest component.
+    let (from, to) = match starts {
+        [] => (BTreeSet::from([largest]), "the largest component, where agents start"),
+        _ => (parts(starts), "any start S"),
     };
-    Some(format!("{which} lie in different components: no path connects them"))
+    let goal = |cell: &Cell| {
+        let is_reached = part(cell).is_some_and(|own| from.contains(&own));
+        (!is_reached).then(|| format!("the goal G at {} cannot be reached from {to}", place(*cell)))
+    };
+    let ends = parts(goals);
+    let start = |cell: &Cell| {
+        let problem = match part(cell) {
+            Some(own) if !ends.is_empty() && !ends.contains(&own) => "reaches no goal G",
+            Some(own) if own != largest => {
+                "is cut off from the largest component, where tasks are drawn"
+            }
+            _ => return None,
+        };
+        Some(format!("the start S at {} {problem}", place(*cell)))
+    };
+    goals.iter().filter_map(goal).chain(starts.iter().filter_map(start)).collect()
+}
+
+fn place(cell: Cell) -> String {
+    format!("column {}, row {}", cell.x + 1, cell.y + 1)
 }
 
 /// Returns a path as a possible name of a built-in map or world; empty if it is not UTF-8.
@@ -185,8 +185,7 @@ pub fn is_unknown_name(path: &Path, registry: &Registry) -> bool {
 /// Reports an unknown name, with the nearest of those that are known, among them `others`.
 pub fn unknown_name(path: &Path, registry: &Registry, others: &[String]) -> Report {
     let maps = map::BUILTIN.map(|(known, _)| known);
-    let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
-    let worlds: Vec<&str> = worlds.map(|kind| kind.name).collect();
+    let worlds: Vec<&str> = registry.named_worlds().map(|kind| kind.name).collect();
     let names = maps.iter().chain(&worlds).copied().chain(others.iter().map(String::as_str));
     let nearest = did_you_mean(known_name(path), names);
     let listed = if worlds.is_empty() { "" } else { "; worlds: " }.to_owned() + &worlds.join(", ");

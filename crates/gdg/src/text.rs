@@ -90,10 +90,7 @@ pub fn escape_json_line(json: &str) -> String {
     let mut out = String::with_capacity(json.len());
     for c in json.chars() {
         if is_active(c) && !matches!(c, '\n' | '\t' | '\r') {
-            let mut units = [0; 2];
-            c.encode_utf16(&mut units)
-                .iter()
-                .for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
+            c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| out += &format!("\\u{unit:04x}"));
         } else {
             out.push(c);
         }
@@ -161,9 +158,7 @@ pub fn aligned(rows: &[Vec<String>]) -> String {
     const GAP: usize = 2;
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let of = |column: usize| {
-        rows.iter()
-            .filter(move |row| row.len() > column + 1)
-            .map(move |row| display_width(&row[column]))
+        rows.iter().filter_map(move |row| Some(display_width(row.split_last()?.1.get(column)?)))
     };
     let widths: Vec<usize> =
         (0..columns).map(|column| of(column).max().unwrap_or(0) + GAP).collect();
