@@ -8,7 +8,7 @@ use log::LevelFilter;
 
 use crate::headless::HeadlessOptions;
 use crate::setup::RunChoice;
-use crate::setup::find_maps::{MapArgs, given};
+use crate::setup::find_maps::{DEFAULT_MAP, MapArgs, given};
 use crate::setup::values::{
     EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
 };
@@ -19,9 +19,6 @@ use gdg::train::History;
 
 /// Evaluation tasks at each distance unless another number is given.
 const EVAL_TASKS: u32 = 20;
-
-/// The map to train on unless another is given.
-const DEFAULT_MAP: &str = "fourrooms";
 
 /// Options of a training run.
 #[derive(Clone, Debug, Args)]

@@ -9,7 +9,7 @@ use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{
-    Axis, Drawable, Points, SeedCurves, csv_of, table, write_unless_edited,
+    Drawable, PAGE, Points, SeedCurves, XAxis, csv_of, table, write_unless_edited,
 };
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
@@ -63,7 +63,7 @@ fn last(line: &SeedCurves) -> Vec<f64> {
 /// Returns the charts of a figure, if it shows curves. Methods are compared over what they were
 /// allowed to experience, or, where that is the same recorded data, over updates.
 fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<FigurePanel> {
-    let over = if figure.shows == Shows::Datasets { Axis::Updates } else { Axis::Steps };
+    let over = if figure.shows == Shows::Datasets { XAxis::Updates } else { XAxis::Steps };
     let panel = |chart: &str, labels, top, points: &dyn Fn(&JobResult) -> Points| {
         let line = |(marker, method): (usize, &MethodRuns)| SeedCurves {
             chart: chart.to_owned(),
@@ -124,7 +124,6 @@ const MAP_PIXELS: usize = 660;
 
 const FLOOR: Rgb = (150, 154, 160);
 
-const PAGE: f32 = 174.0 * MILLIMETRE;
 const CHART: f32 = 130.0 * MILLIMETRE;
 
 /// Between maps, and size of the letters around them.
