@@ -258,6 +258,12 @@ impl BatchSampler {
         (count as usize, (self.settings.short_pairs * count).round() as usize)
     }
 
+    /// Whether the actor is led by waypoints: not where more than the goal tells states apart, such as a
+    /// key, as they say nothing of that.
+    pub(in crate::learn) fn leads(&self, known: &KnownDistances) -> bool {
+        self.settings.actor_waypoints && !known.goals.tells_more_apart()
+    }
+
     /// Returns the number of pairs, the last ones, from which the actor's walks are imagined: none
     /// where lookahead does not decide.
     pub(in crate::learn) fn walk_rows(&self, batch: &Batch) -> usize {
@@ -290,7 +296,7 @@ impl BatchSampler {
                 Some(k) => short[k],
                 None => known.by_goal.any_pair(rng),
             };
-            let towards = if self.settings.actor_waypoints { waypoint } else { to };
+            let towards = if self.leads(known) { waypoint } else { to };
             let goals = [to, towards].map(|place| known.goals.goal(place as usize));
             let part = (GRAPH_LOWER_FACTOR * steps - GRAPH_LOWER_SLACK_STEPS).max(0.0);
             let at_least = if known.by_goal.walks_arrive { part } else { 0.0 };

@@ -128,6 +128,11 @@ impl GoalIndex {
         if self.others.is_empty() { self.goal(i) } else { &self.places[i * width..][..width] }
     }
 
+    /// Whether more than the goal tells states apart.
+    pub(crate) fn tells_more_apart(&self) -> bool {
+        !self.others.is_empty()
+    }
+
     /// Whether place `i` and another one differ in the goal alone.
     pub(crate) fn is_like(&self, i: usize, place: &[f32]) -> bool {
         self.place(i)[self.goal_dim..] == place[self.goal_dim..]

@@ -65,7 +65,7 @@ pub fn follow_graph(
     first: usize,
     scratch: &mut Scratch,
 ) {
-    let (bounds, leads) = (sampler.settings.graph_bounds, sampler.settings.actor_waypoints);
+    let (bounds, leads) = (sampler.settings.graph_bounds, sampler.leads(known));
     if !(bounds || leads) {
         return;
     }
@@ -101,7 +101,7 @@ pub fn follow_graph(
 /// Returns the paths for the pairs of `batch` from row `first` on, with the place at which each
 /// begins.
 fn find_paths(
-    BatchSampler { spec, settings, .. }: &BatchSampler,
+    sampler: &BatchSampler,
     policy: &dyn Imagine,
     known: &KnownDistances,
     batch: &Batch,
@@ -109,9 +109,10 @@ fn find_paths(
     scratch: &mut Scratch,
 ) -> Vec<GraphPath> {
     let (mut paths, mut starts): (Vec<GraphPath>, Vec<usize>) = (Vec::new(), Vec::new());
-    let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
+    let (s, g) = (sampler.spec.state_dim(), sampler.spec.goal_dim());
+    let places = known.goals.len();
     let DistancesByGoal { goals, steps, .. } = known.by_goal;
-    let least = if settings.actor_waypoints { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
+    let least = if sampler.leads(known) { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
     let mut pairs = DistanceQueries::default();
     for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
         let state = &batch.states[row * s..(row + 1) * s];
