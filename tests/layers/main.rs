@@ -23,11 +23,11 @@ const LIBRARY: [Room; 15] = [
     ("files", 883),
     ("store", 268),
     ("settings", 393),
-    ("map", 3_741),
-    ("env", 6_461),
-    ("learn", 8_811),
-    ("bridge", 3_920),
-    ("train", 6_965),
+    ("map", 3_743),
+    ("env", 6_484),
+    ("learn", 8_823),
+    ("bridge", 3_922),
+    ("train", 6_971),
     ("engine", 1_215),
     ("draw", 810),
     ("viewer", 1_651),
@@ -41,8 +41,8 @@ const PROGRAM: [Room; 8] = [
     ("headless", 927),
     ("experiment", 5_587),
     ("tui", 19_324),
-    ("cli", 636),
-    ("commands", 976),
+    ("cli", 643),
+    ("commands", 977),
 ];
 
 /// What lies beside the modules.
