@@ -2,6 +2,7 @@
 //! distances, plans and paths (Figures 2 and 5); as data, as drawings, and in the report, with the
 //! paper's results beside ours.
 
+use clap::ValueEnum;
 use miette::Report;
 
 use super::MethodRuns;
@@ -9,7 +10,7 @@ use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{
-    Axis, Drawable, Points, SeedCurves, csv_of, table, write_unless_edited,
+    Axis, Drawable, PAGE, Points, SeedCurves, csv_of, table, write_unless_edited,
 };
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
@@ -124,7 +125,6 @@ const MAP_PIXELS: usize = 660;
 
 const FLOOR: Rgb = (150, 154, 160);
 
-const PAGE: f32 = 174.0 * MILLIMETRE;
 const CHART: f32 = 130.0 * MILLIMETRE;
 
 /// Between maps, and size of the letters around them.
@@ -273,7 +273,8 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
     } else {
         ("OGBench's point mazes", "")
     };
-    let (version, names, budget) = (env!("CARGO_PKG_VERSION"), names.join(" "), budget.name());
+    let budget = budget.to_possible_value().unwrap_or_default();
+    let (version, names, budget) = (env!("CARGO_PKG_VERSION"), names.join(" "), budget.get_name());
     let mut out = format!(
         "# {title}\n\nMade by gdg-tui {version} with `gdg-tui reproduce {names} --budget {budget}`, \
          and what else the tables say of each run. Lines are means over seeds, bands reach from the \
