@@ -249,7 +249,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         while trainer.counters().updates < updates {
             trainer.tick()?;
         }
-        let found = trainer.evaluate(&trainer.tasks(20)?)?;
+        let found = trainer.evaluation()?.evaluate(20, &gdg::job::Job::default())?;
         let planned = found.planned.and_then(|planned| planned.success).unwrap_or_default();
         println!("{updates} updates: {planned:.2} reach their goals");
     }

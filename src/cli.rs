@@ -188,11 +188,7 @@ fn completed() -> clap::Command {
     let options: Vec<Arg> =
         cli.get_arguments().filter(|arg| !arg.is_positional()).cloned().collect();
     let registry = Registry::builtin();
-    let worlds = registry
-        .worlds()
-        .iter()
-        .filter(|kind| kind.create.is_some())
-        .map(|kind| (kind.name, "world"));
+    let worlds = registry.named_worlds().map(|kind| (kind.name, "world"));
     let maps = BUILTIN.iter().map(|(name, _)| (*name, "built-in map"));
     let trained = maps
         .chain(worlds)

@@ -16,9 +16,7 @@ use miette::Report;
 use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
 use crate::process::errors::from_config_error;
-use crate::process::{EXIT_BAD_INPUT, EXIT_FAILURE, logging};
-use gdg::printing::print_text;
-use gdg::text::sanitized_lines;
+use crate::process::{EXIT_BAD_INPUT, EXIT_FAILURE, errors, logging};
 use gdg::train::{Registry, reference_page, setting_page};
 
 /// Why a command failed: the error for the user, and the exit status.
@@ -40,7 +38,7 @@ fn failure(error: Report) -> CommandFailure {
 
 /// Runs a command, with the worlds and learners of `registry`, and returns the exit status.
 pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
-    let text = |made: Result<String, Report>| print_safely(&made.map_err(bad_input)?);
+    let text = |made: Result<String, Report>| print(&made.map_err(bad_input)?);
     match cli.command {
         None => train::run(&cli.train, registry),
         Some(Command::Maps(args)) => maps::run(&args, registry),
@@ -78,13 +76,6 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
     }
 }
 
-/// Prints text that may quote user input, made safe to display, to standard output.
-fn print_safely(text: &str) -> CommandOutcome {
-    print(&sanitized_lines(text))
-}
-
-/// Prints to standard output. An early close (`| head`) is not an error.
 fn print(text: &str) -> CommandOutcome {
-    let printed = print_text(text).map_err(|error| Report::msg(error).wrap_err("standard output"));
-    printed.map(|()| 0).map_err(failure)
+    errors::print(text).map(|()| 0).map_err(failure)
 }

@@ -29,7 +29,7 @@ use gdg::train::{
     TrainingEvent, TrainingLoop,
 };
 use metrics::MetricsFile;
-use progress::Progress;
+use progress::RunProgress;
 use records::Record;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same
@@ -68,7 +68,7 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
         }
     };
     let begun_at = setup.trainer.counters().updates;
-    let progress = Progress::new(&setup.limits, setup.trainer.seconds());
+    let progress = RunProgress::new(&setup.limits, setup.trainer.seconds());
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination, begun_at };
     let ended = run.run();
     // Saves what was learned, even after an error.
@@ -77,8 +77,7 @@ pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let (reason, evaluation) = ended.map_err(|error| run.explained(error))?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
-        let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
-        return Err(miette!(help = logging::hint(), "{problem}"));
+        return Err(miette!(help = logging::hint(), "{failure}"));
     }
     print(&Record::end(reason, &run.setup.trainer))?;
     printed(printing::stdout().flush())?;
@@ -107,7 +106,7 @@ fn print(record: &Record) -> Result<(), Report> {
 }
 
 /// Returns an error if nothing reads the records any more. Where they cannot be written, as on a full
-/// disk, that is said once, and training goes on.
+/// disk, says so once, and training goes on.
 fn printed(written: std::io::Result<()>) -> Result<(), Report> {
     let Err(error) = written else { return Ok(()) };
     if error.kind() == ErrorKind::BrokenPipe {
@@ -134,7 +133,7 @@ fn warn(trainer: &Trainer, text: &str) -> Result<(), Report> {
 struct HeadlessRun<'a> {
     setup: Setup,
     options: &'a HeadlessOptions,
-    progress: Progress,
+    progress: RunProgress,
     saver: Option<CheckpointSaver>,
     table: Option<MetricsFile>,
     termination: TerminationSignal,
@@ -181,11 +180,11 @@ impl HeadlessRun<'_> {
             evaluate: evaluate.map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
             save_every: save_every.filter(|_| self.saver.is_some()),
         };
-        let mut session = TrainingLoop::resume(schedule, &self.setup.trainer);
+        let mut training_loop = TrainingLoop::resume(schedule, &self.setup.trainer);
         self.report_limits();
         loop {
             let Setup { trainer, limits, .. } = &mut self.setup;
-            match session.next(trainer, limits).into_diagnostic()? {
+            match training_loop.next(trainer, limits).into_diagnostic()? {
                 TrainingEvent::Ticked(_) => self.progress.show(trainer),
                 TrainingEvent::Ended(reason) => return Ok(reason),
                 TrainingEvent::Recovery(recovery) => report_recovery(recovery)?,

@@ -135,7 +135,7 @@ fn check_open_files() -> Result<(), Report> {
     })
 }
 
-/// The exit status, and what is said about files.
+/// The exit status, and the summary of files.
 pub type Closing = Result<(u8, String), Report>;
 
 /// Runs the trainer, or shows a run that another program trains.

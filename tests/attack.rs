@@ -421,7 +421,8 @@ fn fuzzing_seeds_are_read_or_refused() {
                 drop(map::Scenario::parse("kept", &bytes).and_then(|found| found.tasks(&trap)));
             }
             "config" => {
-                drop(train::settings_from_text(train::Preset::Default, "kept", &text));
+                let overrides = train::Overrides { config: Some(&path), ..Default::default() };
+                drop(train::settings_from(train::Preset::Default, &overrides));
                 drop(gdg_tui::tui::parse_config("kept", &text));
             }
             "checkpoint" => {

@@ -325,7 +325,8 @@ fn a_start_without_a_path_to_the_goal_is_a_warning() {
     let line = "--max-updates 1 --eval-tasks 1 --set hidden=16 --no-ui";
     let done = gdg(&[&words(line)[..], &[path.to_str().unwrap()]].concat());
     done.success();
-    let warning = "warning: apart: the start S and the goal G lie in different components: no path connects them";
+    let warning =
+        "warning: apart: the goal G at column 7, row 1 cannot be reached from any start S\n";
     assert!(done.err.contains(warning), "{}", done.err);
 }
 
@@ -334,12 +335,11 @@ fn a_start_that_is_cut_off_is_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("pocket.txt");
     for (text, warns) in
-        [("S.#...\n###...\n", true), ("..#..S\n###...\n", false), ("S.#..S\n###...\n", false)]
+        [("S.#...\n###...\n", true), ("..#..S\n###...\n", false), ("S.#..S\n###...\n", true)]
     {
         std::fs::write(&path, text).unwrap();
         let facts = gdg(&["check", path.to_str().unwrap()]).out;
-        let warning = "warning:    the start S is cut off, with 2 cells: agents that begin there stay there, but tasks are \
-                       drawn among 6 others";
+        let warning = "warning:    the start S at column 1, row 1 is cut off from the largest component, where tasks";
         assert_eq!(facts.contains(warning), warns, "{text}: {facts}");
     }
 }
@@ -404,6 +404,11 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
             &["cannot be read", "give a map file"],
         ),
         (&["check", "no-such.txt"], &["cannot be read", "or a name from 'gdg-tui maps'"]),
+        (
+            &["check", &file("valid/plain.scn")],
+            &["did you mean plain.scen? give a map file, or a name from 'gdg-tui maps'"],
+        ),
+        (&["watch", "no-such"], &["no-such: does not exist", "--save FILE"]),
         (&["check", "no-such.scen"], &["cannot be read", "give a scenario file"]),
         (&["check", &scenario, "--map", &scenario], &["this is a scenario file", "--scen"]),
         (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),
@@ -583,7 +588,7 @@ fn maps_lists_maps_and_check_validates_them() {
         let facts = checked.success();
         assert!(facts.contains("1 start, "), "{facts}");
         assert_eq!(
-            facts.contains("warning:") && facts.contains("different components"),
+            facts.contains("warning:") && facts.contains("cannot be reached"),
             warns,
             "{text}: {facts}"
         );

@@ -341,7 +341,7 @@ fn the_same_seed_gives_the_same_run_resumed_or_not_and_with_any_number_of_worker
     for other in [resumed, workers] {
         assert_eq!(drawn, records(&other, "evaluation"), "{}", stderr(&other));
     }
-    // What comes out differently begins anew, which is said; resumed twice, it does the same.
+    // What comes out differently begins anew, with a warning; resumed twice, it does the same.
     run("Elsewhere", &["--max-updates", "50", "--save", "elsewhere.safetensors"]);
     let twice =
         [(), ()].map(|()| resume(folder.path(), "elsewhere.safetensors", &whole).output().unwrap());
@@ -813,7 +813,7 @@ fn an_exported_policy_reaches_goals_in_its_environment() {
     }
 }
 
-/// What goes wrong in the middle of a run, and what is said of it.
+/// What goes wrong in the middle of a run, and the messages about it.
 const FAULTS: [(&str, &str); 8] = [
     ("Raises", "the environment raised an exception in step: ValueError: the point is ?[31mlost"),
     ("Misnames", "exception in step: ModuleNotFoundError: the third module"),

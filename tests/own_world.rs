@@ -35,7 +35,7 @@ fn trainer(method: &str) -> Trainer {
 fn a_custom_learner_learns_a_custom_world() {
     let mut run = trainer("table+bridges");
     train_to(&mut run, 3_000);
-    let found = run.evaluate(&run.tasks(40).unwrap()).unwrap();
+    let found = run.evaluation().unwrap().evaluate(40, &Job::default()).unwrap();
     let (planned, greedy) =
         (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap());
     assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
@@ -61,11 +61,12 @@ fn random_actions_take_far_longer_ways_in_a_custom_world() {
     let spl = |method: &str| {
         let mut run = trainer(method);
         train_to(&mut run, 3_000);
-        let mut tasks = run.tasks(40).unwrap();
+        let evaluation = run.evaluation().unwrap();
+        let mut tasks = evaluation.tasks(40).unwrap();
         for task in &mut tasks.tasks {
             task.shortest = Some((task.start[0] as f32 - task.goal[0]).abs().ceil() as u32);
         }
-        run.evaluate(&tasks).unwrap().greedy.spl.unwrap()
+        evaluation.run(&tasks).unwrap().greedy.spl.unwrap()
     };
     let (random, learned) = (spl("random"), spl("table+bridges"));
     assert!(random < 0.5 * learned, "{random} at random, {learned} learned");
@@ -95,8 +96,8 @@ fn any_learner_and_planner_combine_and_resume_bitwise() {
         train_to(&mut resumed, 700);
         assert_eq!(state(&straight), state(&resumed), "{method}");
         let (a, b) = (
-            straight.evaluate(&straight.tasks(3).unwrap()),
-            resumed.evaluate(&resumed.tasks(3).unwrap()),
+            straight.evaluation().unwrap().evaluate(3, &Job::default()),
+            resumed.evaluation().unwrap().evaluate(3, &Job::default()),
         );
         assert_eq!(a.unwrap(), b.unwrap(), "{method}");
     }

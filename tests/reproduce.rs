@@ -367,7 +367,7 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
             "](figures/ogbench.png)",
         ],
     );
-    assert!(!report.contains("the city"), "what is said of the paper's maps");
+    assert!(!report.contains("the city"), "the text about the paper's maps");
     let table = String::from_utf8(place.files("out/data").remove("ogbench.csv").unwrap()).unwrap();
     for measure in ["planned", "actor alone"] {
         let line = |line: &&str| line.starts_with(&format!("{measure},")) && line.contains(",1,2,");

@@ -1,12 +1,20 @@
-//! Parses arbitrary text as a settings file and as the interface's configuration.
+//! Reads arbitrary text as a settings file, and parses it as the interface's configuration.
 #![no_main]
 
-use gdg::train::{Preset, settings_from_text};
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use gdg::train::{Overrides, Preset, settings_from};
 use gdg_tui::tui::parse_config;
+use gdg_tui_fuzz::memory_file;
 use libfuzzer_sys::fuzz_target;
 
+static FILE: LazyLock<PathBuf> = LazyLock::new(|| memory_file("json"));
+
 fuzz_target!(|text: &str| {
-    if let Err(error) = settings_from_text(Preset::Default, "fuzzed", text) {
+    std::fs::write(&*FILE, text).expect("written");
+    let overrides = Overrides { config: Some(&FILE), ..Overrides::default() };
+    if let Err(error) = settings_from(Preset::Default, &overrides) {
         assert!(error.to_string().len() < 2_000);
     }
     if let Err(error) = parse_config("fuzzed", text) {

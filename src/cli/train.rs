@@ -8,16 +8,13 @@ use log::LevelFilter;
 
 use crate::headless::HeadlessOptions;
 use crate::setup::RunChoice;
-use crate::setup::find_maps::{MapArgs, given};
+use crate::setup::find_maps::{DEFAULT_MAP, MapArgs, given};
 use crate::setup::values::{
     EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
 };
 use crate::tui::InterfaceOptions;
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
-
-/// The map to train on unless another is given.
-const DEFAULT_MAP: &str = "fourrooms";
 
 /// Options of a training run.
 #[derive(Clone, Debug, Args)]

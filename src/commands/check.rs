@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 
 use miette::{Report, miette};
 
-use super::{CommandOutcome, bad_input, print_safely};
+use super::{CommandOutcome, bad_input, print};
 use crate::cli::CheckArgs;
 use crate::process::EXIT_NOT_REACHED;
 use crate::process::errors::from_map_error;
 use crate::process::waiting::Waiting;
-use crate::setup::find_maps::{doubts, find_map, unconnected_parts};
+use crate::setup::find_maps::{doubts, faults, find_map};
 use gdg::files::has_extension;
 use gdg::job::Job;
-use gdg::map::{self, Cell, Components, Diameter, Grid, MapError, MapScale, Scenario};
+use gdg::map::{self, Components, Diameter, Grid, MapError, MapScale, Scenario};
 use gdg::text::counted;
 use gdg::train::Registry;
 
@@ -21,10 +21,11 @@ use gdg::train::Registry;
 /// `strict` finds a fault.
 pub fn run(args: &CheckArgs, registry: &Registry) -> CommandOutcome {
     let (text, grid) = checked(args, registry).map_err(bad_input)?;
-    let faults = if args.strict { faults(&grid) } else { Vec::new() };
-    let lines: String = faults.iter().map(|fault| format!("fault:      {fault}\n")).collect();
-    print_safely(&(text + &lines))?;
-    Ok(if faults.is_empty() { 0 } else { EXIT_NOT_REACHED })
+    let faults = faults(&grid);
+    let kind = if args.strict { "fault:  " } else { "warning:" };
+    let lines: String = faults.iter().map(|fault| format!("{kind}    {fault}\n")).collect();
+    print(&(text + &lines))?;
+    Ok(if args.strict && !faults.is_empty() { EXIT_NOT_REACHED } else { 0 })
 }
 
 /// Returns the facts about a file, and the map.
@@ -47,37 +48,6 @@ fn checked(args: &CheckArgs, registry: &Registry) -> Result<(String, Grid), Repo
     let path = map_file.clone().map_or_else(|| map_beside(file, &scenario.map_name()), Ok)?;
     let grid = map::load_map_as(&path, reading).map_err(from_map_error)?;
     Ok((tasks(&scenario, &grid, progress)?, grid))
-}
-
-/// Returns which marked goals no agent can reach, and which starts are cut off.
-fn faults(grid: &Grid) -> Vec<String> {
-    let components = Components::of(grid);
-    let part = |cell: &Cell| components.of_cell[grid.index(*cell)];
-    let parts = |cells: &[Cell]| cells.iter().filter_map(part).collect::<Vec<_>>();
-    let (starts, goals, largest) = (grid.starts(), grid.goals(), components.largest());
-    // On a map without S, agents start in the largest component.
-    let (from, to) = match starts {
-        [] => (vec![largest], "the largest component, where agents start"),
-        _ => (parts(starts), "any start S"),
-    };
-    let goal = |cell: &Cell| {
-        let is_reached = part(cell).is_some_and(|own| from.contains(&own));
-        (!is_reached).then(|| format!("the goal G at {} cannot be reached from {to}", place(*cell)))
-    };
-    let ends = parts(goals);
-    let start = |cell: &Cell| {
-        let problem = match part(cell) {
-            Some(own) if !ends.is_empty() && !ends.contains(&own) => "reaches no goal G",
-            Some(own) if own != largest => "is cut off from the largest component",
-            _ => return None,
-        };
-        Some(format!("the start S at {} {problem}", place(*cell)))
-    };
-    goals.iter().filter_map(goal).chain(starts.iter().filter_map(start)).collect()
-}
-
-fn place(cell: Cell) -> String {
-    format!("column {}, row {}", cell.x + 1, cell.y + 1)
 }
 
 /// Returns the facts about a scenario and its map.
@@ -145,7 +115,7 @@ fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
             scale.goal_radius
         ));
     }
-    let all = doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
+    let all = doubts(grid).into_iter().chain(other_map);
     lines.extend(all.map(|problem| format!("warning:    {problem}")));
     lines.join("\n") + "\n"
 }

@@ -3,7 +3,7 @@
 use miette::{Report, miette};
 
 use super::check::describe_diameter;
-use super::{CommandOutcome, bad_input, print, print_safely};
+use super::{CommandOutcome, bad_input, print};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::process::errors::from_map_error;
 use crate::process::waiting::Waiting;
@@ -34,7 +34,7 @@ fn list() -> String {
 /// Prints the table of built-in maps, or a random map, or converts one.
 pub fn run(args: &MapsArgs, registry: &Registry) -> CommandOutcome {
     if let Some(MapsCommand::Convert(args)) = &args.command {
-        return print_safely(&convert(args, registry).map_err(bad_input)?);
+        return print(&convert(args, registry).map_err(bad_input)?);
     }
     let Some(kind) = args.random else { return print(&list()) };
     print(&print_ascii(&map::random(kind, args.size.map(usize::from), args.seed)))

@@ -2,17 +2,18 @@
 //! program trains.
 
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 use std::sync::Arc;
+use std::time::Duration;
 
 use miette::{IntoDiagnostic, Report, miette};
 
 use super::train::{obstacle, on_screen};
-use super::{CommandOutcome, bad_input, failure, prepare, print, print_safely};
+use super::{CommandOutcome, bad_input, failure, prepare, print};
 use crate::cli::{Cli, OpenArgs, RunsArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
-use crate::setup::saves::{self, is_named_like_one};
+use crate::setup::saves::is_named_like_one;
 use crate::tui::{
     self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
@@ -44,7 +45,7 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
     }
     let runs = read(&args.folders);
     let none = "no saved runs yet: train with --save FILE, or press s in the interface\n";
-    if runs.is_empty() { print(none) } else { print_safely(&table(runs)) }
+    print(&if runs.is_empty() { none.to_owned() } else { table(runs) })
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
@@ -114,12 +115,14 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     let last = usable.max_by_key(|run| (goes_on(run), run.written));
     let found = last.map(|run| (run.kept(), run.source.clone()));
     if found.is_none() && obstacle().is_none() {
-        saves::wait_for(given);
+        wait_for(given);
     }
     let own = || (Some(given.to_owned()), given.to_owned());
     found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
         let help = "a run is seen as its checkpoint has it: train with --save FILE";
-        miette!(help = help, "{}: no run with a checkpoint yet", given.display())
+        let problem =
+            if given.exists() { "no run with a checkpoint yet" } else { "does not exist" };
+        miette!(help = help, "{}: {problem}", given.display())
     })
 }
 
@@ -162,4 +165,18 @@ fn opener(args: &OpenArgs, registry: &Arc<Registry>) -> Result<Opener, Report> {
             Ok(Opened::Comparison(Box::new(both)))
         }
     }))
+}
+
+/// Waits for a checkpoint that does not exist yet, in a folder that does, and says so.
+fn wait_for(file: &Path) {
+    let is_to_come = || {
+        !file.exists() && absolute(file).is_ok_and(|file| file.parent().is_some_and(Path::exists))
+    };
+    if is_named_like_one(file) && is_to_come() {
+        let text = "not there yet: waiting for its first save (Ctrl-C cancels)";
+        eprint_line(&format!("{}: {text}", file.display()));
+        while is_to_come() {
+            std::thread::sleep(Duration::from_secs(1));
+        }
+    }
 }

@@ -12,10 +12,10 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use miette::{Report, miette};
 
-use super::jobs::{JobOptions, Jobs, print, warn_if_short};
+use super::jobs::{JobOptions, Jobs, warn_if_short};
 use super::plan::{JobPlan, Length};
 use super::spec::{JobResult, JobSpec, JobWorld};
-use crate::process::errors::from_config_error;
+use crate::process::errors::{from_config_error, print};
 use crate::setup::values::{counts, output};
 use crate::setup::{settings_of, split_prefix};
 use catalogue::{Budget, Entry, FIGURES, Figure};

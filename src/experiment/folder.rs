@@ -74,7 +74,7 @@ impl Folder {
         prepare_file(&self.path(name), bytes)?().map(drop)
     }
 
-    /// Writes the report, unless the one there is not as this program has written it, which is said.
+    /// Writes the report; says so and leaves the one there if this program has not written it like that.
     pub fn write_report(&self, text: String) -> Result<(), Report> {
         let path = self.path("report.md");
         if path.exists() && table_behind(&path).is_none() {

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use miette::{IntoDiagnostic, Report, WrapErr, miette};
+use miette::{IntoDiagnostic, Report, miette};
 use parking_lot::Mutex;
 
 use super::folder::Folder;
@@ -17,7 +17,7 @@ use super::plan::Length;
 use super::spec::JobSpec;
 use crate::headless::{CheckpointSaver, evaluate, save_interval};
 use crate::process::EXIT_FAILURE;
-use crate::process::errors::print_error;
+use crate::process::errors::{print, print_error};
 use crate::process::signals::TerminationSignal;
 use crate::process::waiting::duration;
 use crate::setup::outputs::elsewhere;
@@ -26,8 +26,8 @@ use crate::setup::values::{counts, output};
 use crate::setup::{begin, learn_from, parallel_jobs};
 use gdg::files::check_writable;
 use gdg::job::Stopwatch;
-use gdg::printing::{eprint_line, print_text};
-use gdg::text::{aligned, counted, sanitized, sanitized_lines};
+use gdg::printing::eprint_line;
+use gdg::text::{aligned, counted, sanitized};
 use gdg::train::{
     self, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingEvent, TrainingLoop,
 };
@@ -179,11 +179,6 @@ pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
             length.unit()
         )));
     }
-}
-
-/// Prints to standard output, made safe to display. An early close (`| head`) is not an error.
-pub fn print(text: &str) -> Result<(), Report> {
-    print_text(&sanitized_lines(text)).into_diagnostic().wrap_err("standard output")
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -411,9 +406,9 @@ impl Runner<'_> {
         let (evaluate, limits) = self.open[i].plan.schedule();
         let schedule =
             Schedule { evaluate, save_every: save_interval(None), ..Schedule::default() };
-        let mut session = TrainingLoop::resume(schedule, trainer);
+        let mut training_loop = TrainingLoop::resume(schedule, trainer);
         loop {
-            match session.next(trainer, &limits).into_diagnostic()? {
+            match training_loop.next(trainer, &limits).into_diagnostic()? {
                 TrainingEvent::Evaluation if !self.evaluate(i, trainer)? => return Ok(false),
                 TrainingEvent::Save => {
                     let then = "training continues; saving will be tried again";

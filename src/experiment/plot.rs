@@ -59,8 +59,8 @@ pub struct PlotOptions {
     pub y: Measure,
 
     /// What it is drawn over
-    #[arg(long, value_enum, value_name = "AXIS", default_value_t = Axis::Updates)]
-    pub x: Axis,
+    #[arg(long, value_enum, value_name = "AXIS", default_value_t = XAxis::Updates)]
+    pub x: XAxis,
 
     /// File that ends in .svg, .png (300 pixels an inch) or .pdf (repeatable); the table of that name
     /// ends in .csv [default: MEASURE.svg in the folder, or RUN.MEASURE.svg beside the file]
@@ -112,7 +112,7 @@ pub enum Measure {
 
 /// What the horizontal axis counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Axis {
+pub enum XAxis {
     /// Updates
     #[default]
     Updates,
@@ -153,7 +153,7 @@ impl Drawable for Measure {
     }
 }
 
-impl Drawable for Axis {
+impl Drawable for XAxis {
     fn names(self) -> [&'static str; 2] {
         match self {
             Self::Updates => ["updates", "updates"],
@@ -175,7 +175,7 @@ impl Measure {
     }
 }
 
-impl Axis {
+impl XAxis {
     pub fn of(self, at: &EvaluationAt) -> f64 {
         match self {
             Self::Updates => at.updates as f64,
@@ -295,7 +295,7 @@ fn write_with_table(
 }
 
 /// Writes figures and the table behind them to the folder of an experiment. If somebody has edited one
-/// of these, all are left as they are, which is said.
+/// of these, leaves all as they are and says so.
 pub fn write_unless_edited(
     folder: &Folder,
     figures: &[String],

@@ -43,7 +43,7 @@ const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of che
 /// not: edits of the map, tasks at each distance in evaluations, and the program's version.
 pub const CIRCUMSTANCES: [&str; 3] = ["edit", "eval-tasks", "version"];
 
-/// Edits that are told one by one, at most.
+/// Most edits that are listed one by one.
 const MAX_EDITS: usize = 4;
 
 /// A map after an edit of which nothing is known.

@@ -7,14 +7,14 @@ use std::sync::Arc;
 use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
-use super::jobs::{JobOptions, Jobs, print, warn_if_short};
+use super::jobs::{JobOptions, Jobs, warn_if_short};
 use super::plan::JobPlan;
 use super::plot::{self, By, DrawnPlot, PAGE};
 use super::report::{CURVES, JobRow, report, rows, table};
 use super::saved_runs::SavedRun;
 use super::spec::{JobResult, JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
-use crate::process::errors::from_map_error;
+use crate::process::errors::{from_map_error, print};
 use crate::process::waiting::Waiting;
 use crate::setup::find_maps::{MapArgs, find_map, known_name, warn, warnings};
 use crate::setup::values::{MethodParser, counts, methods_help};

@@ -170,28 +170,31 @@ impl Ablation {
             let run = RunChoice { method, base, set };
             JobVariant { name: Some(name.to_owned()), label, run }
         };
-        if self == Self::Ladder {
-            let (default, mut set) = (list_settings(&Settings::default()), Vec::new());
-            return LADDER
-                .map(|(name, added)| {
+        match self {
+            Self::Ladder => {
+                let (default, mut set) = (list_settings(&Settings::default()), Vec::new());
+                let rung = |(name, added): (&str, &str)| {
                     let is_added = |name: &str| added.split_whitespace().any(|added| added == name);
                     let added = default.iter().filter(|(name, _)| is_added(name));
                     set.extend(added.map(|(name, value)| format!("{name}={value}")));
                     variant(name, METHOD, Preset::Paper, &set)
-                })
-                .into();
+                };
+                LADDER.map(rung).into()
+            }
+            Self::Components => {
+                let changed = |name: &str, method: &str, set: &str| {
+                    let set: Vec<String> = set.split_whitespace().map(str::to_owned).collect();
+                    variant(name, method, Preset::Default, &set)
+                };
+                let without = SETTINGS.iter().filter_map(|setting| {
+                    let SettingAblation { name, value } = setting.ablation?;
+                    Some(changed(name, METHOD, &format!("{}={value}", setting.name)))
+                });
+                let others = OTHER_METHODS.map(|(name, method)| changed(name, method, ""));
+                let all = [changed("default", METHOD, "")].into_iter().chain(without);
+                all.chain([changed(COMBINATION.0, METHOD, COMBINATION.1)]).chain(others).collect()
+            }
         }
-        let changed = |name: &str, method: &str, set: &str| {
-            let set: Vec<String> = set.split_whitespace().map(str::to_owned).collect();
-            variant(name, method, Preset::Default, &set)
-        };
-        let without = SETTINGS.iter().filter_map(|setting| {
-            let SettingAblation { name, value } = setting.ablation?;
-            Some(changed(name, METHOD, &format!("{}={value}", setting.name)))
-        });
-        let others = OTHER_METHODS.map(|(name, method)| changed(name, method, ""));
-        let all = [changed("default", METHOD, "")].into_iter().chain(without);
-        all.chain([changed(COMBINATION.0, METHOD, COMBINATION.1)]).chain(others).collect()
     }
 }
 

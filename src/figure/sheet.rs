@@ -192,7 +192,7 @@ const RESOLUTION: f32 = 300.0;
 pub const PIXEL: f32 = 72.0 / RESOLUTION;
 
 /// A line, a polygon or letters, and how they are drawn.
-struct Drawing {
+struct DrawnMark {
     path: Path,
     colour: Rgb,
     opacity: f32,
@@ -201,13 +201,13 @@ struct Drawing {
 }
 
 /// Returns what a mark is drawn as, if it is not a picture.
-fn drawing_of(mark: &Mark) -> Option<Drawing> {
+fn drawn_mark(mark: &Mark) -> Option<DrawnMark> {
     let (points, colour, opacity, width) = match mark {
         Mark::Line { points, width, colour } => (points, *colour, 1.0, Some(*width)),
         Mark::Area { points, colour, opacity } => (points, *colour, *opacity, None),
         Mark::Text(text) => {
             let (path, colour) = (outline(text)?, text.colour);
-            return Some(Drawing { path, colour, opacity: 1.0, width: None });
+            return Some(DrawnMark { path, colour, opacity: 1.0, width: None });
         }
         Mark::Picture { .. } => return None,
     };
@@ -218,7 +218,7 @@ fn drawing_of(mark: &Mark) -> Option<Drawing> {
     if width.is_none() {
         path.close();
     }
-    Some(Drawing { path: path.finish()?, colour, opacity, width })
+    Some(DrawnMark { path: path.finish()?, colour, opacity, width })
 }
 
 pub fn png(sheet: &Sheet) -> Result<Vec<u8>, Report> {
@@ -239,7 +239,7 @@ pub fn png(sheet: &Sheet) -> Result<Vec<u8>, Report> {
 }
 
 fn paint(pixmap: &mut Pixmap, mark: &Mark, zoom: Transform) {
-    if let Some(Drawing { path, colour: (r, g, b), opacity, width }) = drawing_of(mark) {
+    if let Some(DrawnMark { path, colour: (r, g, b), opacity, width }) = drawn_mark(mark) {
         let mut paint = Paint { anti_alias: true, ..Paint::default() };
         paint.set_color_rgba8(r, g, b, (255.0 * opacity).round() as u8);
         let (line_cap, line_join) = (LineCap::Round, LineJoin::Round);
@@ -363,7 +363,7 @@ pub fn pdf(sheet: &Sheet) -> Vec<u8> {
 
 fn add(content: &mut Content, mark: &Mark) {
     // Only figures of maps have pictures, and those are never written as PDF.
-    let Some(Drawing { path, colour: (r, g, b), opacity, width }) = drawing_of(mark) else {
+    let Some(DrawnMark { path, colour: (r, g, b), opacity, width }) = drawn_mark(mark) else {
         return;
     };
     let [r, g, b] = [r, g, b].map(|part| f32::from(part) / 255.0);

@@ -16,7 +16,7 @@ const BAR_PARTS: f64 = 1000.0;
 const BAR_INTERVAL: Duration = Duration::from_millis(250);
 
 /// Progress of training towards its limits.
-pub struct Progress {
+pub struct RunProgress {
     bar: ProgressBar,
     limits: Limits,
     /// When this process began to train, and the seconds trained before.
@@ -24,7 +24,7 @@ pub struct Progress {
     shown: Option<Instant>,
 }
 
-impl Progress {
+impl RunProgress {
     /// Creates the progress of a run that has been trained for `seconds` before.
     pub fn new(limits: &Limits, seconds: f64) -> Self {
         let ends = *limits != Limits::default();

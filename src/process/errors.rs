@@ -1,13 +1,13 @@
 //! Prints errors for the user.
 
 use miette::{
-    Diagnostic, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents,
-    miette,
+    Diagnostic, IntoDiagnostic, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan,
+    SpanContents, WrapErr, miette,
 };
 use textwrap::{WordSeparator, WordSplitter};
 
 use gdg::map::MapError;
-use gdg::printing::eprint_raw;
+use gdg::printing::{eprint_raw, print_text};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, terminal_obeys_escapes, truncated};
 use gdg::train::{CheckpointError, ConfigError, TrainError};
 
@@ -30,6 +30,11 @@ pub fn set_up() {
     };
     // It is the first hook.
     let _ = miette::set_hook(Box::new(handler));
+}
+
+/// Prints to standard output, made safe to display. An early close (`| head`) is not an error.
+pub fn print(text: &str) -> Result<(), Report> {
+    print_text(&sanitized_lines(text)).into_diagnostic().wrap_err("standard output")
 }
 
 pub fn print_error(error: &Report) {
@@ -133,8 +138,6 @@ fn sanitized_message(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use miette::{IntoDiagnostic, WrapErr};
-
     use super::*;
 
     #[test]

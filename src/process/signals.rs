@@ -100,11 +100,8 @@ impl TerminationSignal {
             }
             drop(waiting);
         };
-        std::thread::Builder::new()
-            .name("signals".to_owned())
-            .spawn(listen)
-            .into_diagnostic()
-            .wrap_err("a thread cannot be started; ulimit -u limits them")?;
+        let begun = std::thread::Builder::new().name("signals".to_owned()).spawn(listen);
+        begun.into_diagnostic().wrap_err("a thread cannot be started; ulimit -u limits them")?;
         Ok(termination)
     }
 

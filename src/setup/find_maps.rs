@@ -1,6 +1,7 @@
 //! Finds the maps that commands name, reads them as options say, and warns about them.
 
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::path::Path;
 
 use clap::Args;
@@ -10,8 +11,11 @@ use crate::process::errors::from_map_error;
 use crate::setup::values::{counts, reals};
 use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
 use gdg::printing::eprint_line;
-use gdg::text::{counted, nearest, sanitized};
+use gdg::text::{counted, did_you_mean, sanitized};
 use gdg::train::Registry;
+
+/// The map to train on unless another is given.
+pub const DEFAULT_MAP: &str = "fourrooms";
 
 /// Maps with fewer free cells are taken for mistakes.
 const FEWEST_CELLS: usize = 4;
@@ -77,13 +81,11 @@ pub fn warn(grid: &Grid) {
     warnings(grid).iter().for_each(|warning| eprint_line(warning));
 }
 
-/// Returns warnings about a map for its user, with its name.
+/// Returns warnings about a map for its user, with its name: the first of its faults, too.
 pub fn warnings(grid: &Grid) -> Vec<String> {
     let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
-    let is_marked = !grid.starts().is_empty();
-    let components = is_marked.then(|| Components::of(grid));
-    let unconnected = components.and_then(|components| unconnected_parts(grid, &components));
-    doubts(grid).into_iter().chain(unconnected).map(named).collect()
+    let first = faults(grid).into_iter().next();
+    doubts(grid).into_iter().chain(first).map(named).collect()
 }
 
 /// Returns signs that a map is not what its author meant.
@@ -97,38 +99,37 @@ pub fn doubts(grid: &Grid) -> Option<String> {
     (free < FEWEST_CELLS).then_some(few).or(is_large.then_some(large))
 }
 
-/// Returns what is wrong if starts and goals lie in different `components`, or the starts outside
-/// the largest.
-pub fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String> {
-    disconnected_marks(grid, components).or_else(|| cut_off_starts(grid, components))
-}
-
-fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
-    let own = components.of_cell[grid.index(*grid.starts().first()?)]?;
-    let largest = components.largest();
-    let part = |start: &Cell| components.of_cell[grid.index(*start)];
-    (grid.starts().iter().all(|start| part(start) != Some(largest))).then(|| {
-        let [own, largest] = [own, largest].map(|part| components.sizes[part as usize] as u64);
-        let own = counted(own, "cell");
-        format!(
-            "the start S is cut off, with {own}: agents that begin there stay there, but \
-                 tasks are drawn among {largest} others"
-        )
-    })
-}
-
-fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
-    let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
-    let (starts, goals) = (grid.starts(), grid.goals());
-    let (start, goal) = (starts.first()?, goals.first()?);
-    let all = |cells: &[Cell]| cells.iter().map(component).collect::<BTreeSet<_>>();
-    let which = match (starts, goals) {
-        _ if all(starts) == all(goals) => return None,
-        ([_], [_]) => "the start S and the goal G",
-        _ if component(start) != component(goal) => "the first start S and the first goal G",
-        _ => "some starts S and goals G",
+/// Returns which marked goals no agent can reach, and which starts are cut off.
+pub fn faults(grid: &Grid) -> Vec<String> {
+    let components = Components::of(grid);
+    let part = |cell: &Cell| components.of_cell[grid.index(*cell)];
+    let parts = |cells: &[Cell]| cells.iter().filter_map(part).collect::<BTreeSet<_>>();
+    let (starts, goals, largest) = (grid.starts(), grid.goals(), components.largest());
+    // On a map without S, agents start in the largest component.
+    let (from, to) = match starts {
+        [] => (BTreeSet::from([largest]), "the largest component, where agents start"),
+        _ => (parts(starts), "any start S"),
     };
-    Some(format!("{which} lie in different components: no path connects them"))
+    let goal = |cell: &Cell| {
+        let is_reached = part(cell).is_some_and(|own| from.contains(&own));
+        (!is_reached).then(|| format!("the goal G at {} cannot be reached from {to}", place(*cell)))
+    };
+    let ends = parts(goals);
+    let start = |cell: &Cell| {
+        let problem = match part(cell) {
+            Some(own) if !ends.is_empty() && !ends.contains(&own) => "reaches no goal G",
+            Some(own) if own != largest => {
+                "is cut off from the largest component, where tasks are drawn"
+            }
+            _ => return None,
+        };
+        Some(format!("the start S at {} {problem}", place(*cell)))
+    };
+    goals.iter().filter_map(goal).chain(starts.iter().filter_map(start)).collect()
+}
+
+fn place(cell: Cell) -> String {
+    format!("column {}, row {}", cell.x + 1, cell.y + 1)
 }
 
 /// Returns a path as a possible name of a built-in map or world; empty if it is not UTF-8.
@@ -152,10 +153,21 @@ pub fn find_map(path: &Path, reading: &Reading, registry: &Registry) -> Result<G
     }
     map::load_map_as(path, reading).map_err(|mut error| {
         if !path.exists() {
-            error.help.push_str(", or a name from 'gdg-tui maps'");
+            error.help = format!("{}{}, or a name from 'gdg-tui maps'", meant(path), error.help);
         }
         from_map_error(error)
     })
+}
+
+/// Asks for the file beside `path`, which does not exist, whose name is most like its own.
+fn meant(path: &Path) -> String {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let beside =
+        std::fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter().flatten().flatten();
+    let beside: Vec<String> =
+        beside.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    let typed = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+    did_you_mean(typed, beside.iter().map(String::as_str))
 }
 
 /// Returns whether `path` looks like a name rather than a file, and is neither that of a built-in
@@ -173,11 +185,9 @@ pub fn is_unknown_name(path: &Path, registry: &Registry) -> bool {
 /// Reports an unknown name, with the nearest of those that are known, among them `others`.
 pub fn unknown_name(path: &Path, registry: &Registry, others: &[String]) -> Report {
     let maps = map::BUILTIN.map(|(known, _)| known);
-    let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
-    let worlds: Vec<&str> = worlds.map(|kind| kind.name).collect();
+    let worlds: Vec<&str> = registry.named_worlds().map(|kind| kind.name).collect();
     let names = maps.iter().chain(&worlds).copied().chain(others.iter().map(String::as_str));
-    let nearest = nearest(known_name(path), names);
-    let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+    let nearest = did_you_mean(known_name(path), names);
     let listed = if worlds.is_empty() { "" } else { "; worlds: " }.to_owned() + &worlds.join(", ");
     from_map_error(MapError::whole_file(
         &path.to_string_lossy(),

@@ -1,14 +1,13 @@
 //! Saved runs: a folder's checkpoints, the newest of them, and the command that continues one.
 
-use std::path::{Path, PathBuf, absolute};
-use std::time::{Duration, SystemTime};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 
 use gdg::env::{GymOptions, gym};
 use gdg::files::is_hidden;
-use gdg::printing::eprint_line;
 use gdg::text::safe_file_name;
 use gdg::train::{RunDescription, describe};
 
@@ -23,20 +22,6 @@ const POLICY_EXTENSION: &str = ".policy.safetensors";
 pub fn is_named_like_one(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !is_hidden(file)
-}
-
-/// Waits for a checkpoint in a folder that is there, if it is not, and says so.
-pub fn wait_for(file: &Path) {
-    let is_to_come = || {
-        !file.exists() && absolute(file).is_ok_and(|file| file.parent().is_some_and(Path::exists))
-    };
-    if is_named_like_one(file) && is_to_come() {
-        let text = "not there yet: waiting for its first save (Ctrl-C cancels)";
-        eprint_line(&format!("{}: {text}", file.display()));
-        while is_to_come() {
-            std::thread::sleep(Duration::from_secs(1));
-        }
-    }
 }
 
 /// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted.
@@ -56,12 +41,17 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 /// given. Damaged files are skipped; a folder that cannot be read counts as empty.
 pub fn newest(folder: &Path, title: Option<&str>) -> Option<RunDescription> {
     let title = title.map(safe_file_name);
+    let files = newest_first(files_in(folder).unwrap_or_default()).into_iter();
+    let mut found = files.filter_map(|path| describe(&path).ok());
+    found.find(|found| title.as_ref().is_none_or(|title| *title == found.title))
+}
+
+/// Returns the files that are there, the one written last first.
+pub fn newest_first(files: impl IntoIterator<Item = PathBuf>) -> Vec<PathBuf> {
     let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
-    let mut files: Vec<_> =
-        files_in(folder).unwrap_or_default().into_iter().filter_map(written).collect();
+    let mut files: Vec<_> = files.into_iter().filter_map(written).collect();
     files.sort();
-    let found = files.iter().rev().filter_map(|(_, path)| describe(path).ok());
-    found.into_iter().find(|found| title.as_ref().is_none_or(|title| *title == found.title))
+    files.into_iter().rev().map(|(_, path)| path).collect()
 }
 
 /// Returns a success rate, or a dash if there is none.

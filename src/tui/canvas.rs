@@ -166,14 +166,18 @@ impl Canvas {
     }
 
     fn apply(&mut self, ink: Ink) {
+        self.apply_with(ink, |ground| ink.rgb.unwrap_or_else(|| contour(contour(ground))));
+    }
+
+    /// Applies an ink in a colour that its ground determines.
+    fn apply_with(&mut self, ink: Ink, colour: impl Fn(Rgb) -> Rgb) {
         for i in std::mem::take(&mut self.touched) {
             let share = ink.share * f32::from(std::mem::take(&mut self.cover[i])) / 255.0;
             if ink.on_floor && self.grounds[i] == Ground::Wall {
                 continue;
             }
             let ground = self.pixels[i].into();
-            let rgb = ink.rgb.unwrap_or_else(|| contour(contour(ground)));
-            self.pixels[i] = blend(ground, rgb, share).into();
+            self.pixels[i] = blend(ground, colour(ground), share).into();
             if !self.is_fine {
                 self.marks[i] = ink.mark.unwrap_or(self.marks[i]);
                 self.changed.push(i);
@@ -276,14 +280,8 @@ impl Canvas {
                 points.iter().for_each(|at| self.trace([*at; 2], radius));
             }
         }
-        for i in std::mem::take(&mut self.touched) {
-            let share = f32::from(std::mem::take(&mut self.cover[i])) / 255.0;
-            if self.grounds[i] == Ground::Wall {
-                continue;
-            }
-            let ground = self.pixels[i].into();
-            self.pixels[i] = blend(ground, theme.contour(ground), share).into();
-        }
+        let ink = Ink { rgb: None, share: 1.0, mark: None, on_floor: true };
+        self.apply_with(ink, |ground| theme.contour(ground));
     }
 
     /// Writes a line of text around a point in pixels, `height` pixels high.

@@ -5,7 +5,7 @@ use ratatui::layout::Position;
 use ratatui::style::{Color, Modifier, Style};
 
 use super::canvas::{Canvas, Ground, SHADES, Sign};
-use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
+use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of};
 use crate::tui::choices::Marker;
 
 const MAX_PIXELS: usize = 4;
@@ -103,11 +103,7 @@ pub fn put(buffer: &mut Buffer, at: Position, symbol: char, rgb: Option<Rgb>, th
         return;
     }
     // The background of a half block is the colour of its lower half.
-    let ground = match cell.bg {
-        Color::Rgb(r, g, b) => (r, g, b),
-        Color::Indexed(i) => rgb_of_indexed(i),
-        _ => theme.unknown,
-    };
+    let ground = rgb_of(cell.bg).unwrap_or(theme.unknown);
     cell.set_char(symbol).set_fg(theme.colour(rgb.unwrap_or(ink(ground))));
 }
 

@@ -30,7 +30,7 @@ use super::log::{Log, Notice};
 use super::scene::MazeState;
 use super::scene::maze::place_walker;
 use super::session::{Session, watching};
-use crate::experiment::plot::Axis;
+use crate::experiment::plot::XAxis;
 pub use contenders::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use gdg::engine::{Engine, EngineCommand};
 use gdg::map::Cell;
@@ -58,7 +58,7 @@ pub struct Comparison {
     pub sessions: [Session; 2],
     sides: [Side; 2],
     race: Race,
-    pub axis: Axis,
+    pub axis: XAxis,
     larger: Option<usize>,
     mouse_on: usize,
     /// The side that holds the editor of the map.
@@ -110,7 +110,7 @@ impl Comparison {
         let mut comparison = Self {
             race,
             // What a method is allowed to experience.
-            axis: Axis::Steps,
+            axis: XAxis::Steps,
             larger: None,
             mouse_on: 0,
             editor_at: 0,
@@ -164,9 +164,9 @@ impl Comparison {
     fn along(&self, side: usize, updates: u64) -> f64 {
         let snapshot = &self.sessions[side].screen.snapshot;
         let all = match self.axis {
-            Axis::Updates => snapshot.counters.updates as f64,
-            Axis::Steps => snapshot.counters.env_steps as f64,
-            Axis::Seconds => snapshot.seconds,
+            XAxis::Updates => snapshot.counters.updates as f64,
+            XAxis::Steps => snapshot.counters.env_steps as f64,
+            XAxis::Seconds => snapshot.seconds,
         };
         updates as f64 / snapshot.counters.updates.max(1) as f64 * all
     }
@@ -193,7 +193,7 @@ impl Comparison {
 
     pub fn on_tick(&mut self) -> bool {
         for failure in gdg::faults::take_failures() {
-            let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
+            let text = failure.to_string();
             self.log.add(&text, 0.0, 0, true);
             self.failed = true;
         }

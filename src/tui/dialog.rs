@@ -3,13 +3,15 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
+use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEventKind};
+use ratatui::layout::Position;
 use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
 use super::action::Action;
 use super::theme::ThemeName;
 use crate::tui::choices::ExportKind;
+use crate::tui::layout::{Click, ScreenLayout};
 use gdg::map::{Grid, RandomMapKind};
 use gdg::text::display_width;
 use gdg::train::{Method, Preset, Run};
@@ -23,11 +25,76 @@ pub enum Dialog {
     Ask(Prompt),
 }
 
+/// What an event does to a dialog.
+#[derive(Debug)]
+pub enum Reply {
+    Stays,
+    Closes,
+    Accepts,
+    Picks(Choice),
+}
+
 impl Dialog {
     /// Whether it is the question that quitting asks.
     pub fn asks_to_quit(&self) -> bool {
         let quits = |item: &Item| item.choice == Choice::Quit { save: false };
         matches!(self, Self::Pick(picker) if picker.items.iter().any(quits))
+    }
+
+    pub fn key(&mut self, key: KeyEvent) -> Reply {
+        match (self, key.code) {
+            (_, KeyCode::Esc) => Reply::Closes,
+            // The key that opens the help closes it, too.
+            (Self::Pick(list), KeyCode::Char('?')) if list.typed().0.is_empty() => Reply::Closes,
+            (_, KeyCode::Enter) => Reply::Accepts,
+            (Self::Pick(picker), _) => {
+                if picker.on_key(key) {
+                    Reply::Accepts
+                } else {
+                    Reply::Stays
+                }
+            }
+            (Self::Ask(prompt), _) => {
+                prompt.on_key(key);
+                Reply::Stays
+            }
+        }
+    }
+
+    pub fn mouse(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> Reply {
+        let lines = match kind {
+            MouseEventKind::ScrollUp => -1,
+            MouseEventKind::ScrollDown => 1,
+            MouseEventKind::Down(MouseButton::Left) => return self.click(at, layout),
+            _ => return Reply::Stays,
+        };
+        if let Self::Pick(picker) = self {
+            picker.move_selection(3 * lines);
+        }
+        Reply::Stays
+    }
+
+    fn click(&mut self, at: Position, layout: &ScreenLayout) -> Reply {
+        let (rows, first) = layout.rows;
+        match (layout.click(at), self) {
+            (Some(Click::Answer), _) => Reply::Accepts,
+            (Some(Click::Act(action)), _) => Reply::Picks(Choice::Act(action)),
+            (Some(Click::Close), _) => Reply::Closes,
+            _ if !layout.dialog.contains(at) => Reply::Closes,
+            (None, Self::Pick(picker)) => {
+                // A click below the last item picks nothing.
+                let picks = rows.contains(at) && picker.select(first + usize::from(at.y - rows.y));
+                if picks { Reply::Accepts } else { Reply::Stays }
+            }
+            (None, Self::Ask(_)) => Reply::Stays,
+        }
+    }
+
+    pub fn paste(&mut self, text: &str) {
+        match self {
+            Self::Pick(picker) => picker.insert(text),
+            Self::Ask(prompt) => prompt.insert(text),
+        }
     }
 }
 

@@ -6,13 +6,13 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::{Buffer, Cell};
 use ratatui::layout::Rect;
-use ratatui::style::{Color, Modifier};
+use ratatui::style::Modifier;
 
 use super::characters::QUADRANTS;
 use super::render;
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
-use super::theme::{Rgb, Theme, blend, rgb_of_indexed};
+use super::theme::{Rgb, Theme, blend, rgb_of};
 use crate::figure::{
     Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Mark, PIXEL, Point, Sheet, colour,
     round_top,
@@ -182,12 +182,8 @@ fn covers(symbol: char, x: usize, y: usize) -> Option<bool> {
 
 /// Returns a character's front and back colours as displayed, given a page's.
 fn colours(cell: &Cell, page: (Rgb, Rgb)) -> (Rgb, Rgb) {
-    let rgb = |colour: Color, own: Rgb| match colour {
-        Color::Rgb(r, g, b) => (r, g, b),
-        Color::Indexed(i) => rgb_of_indexed(i),
-        _ => own,
-    };
-    let (mut front, mut back) = (rgb(cell.fg, page.0), rgb(cell.bg, page.1));
+    let (mut front, mut back) =
+        (rgb_of(cell.fg).unwrap_or(page.0), rgb_of(cell.bg).unwrap_or(page.1));
     if cell.modifier.contains(Modifier::REVERSED) {
         std::mem::swap(&mut front, &mut back);
     }

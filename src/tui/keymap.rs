@@ -6,7 +6,7 @@ use crokey::{KeyCombination, KeyCombinationFormat, OneToThree};
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use super::action::{Action, Binding, Mode, bindings};
-use gdg::text::nearest;
+use gdg::text::did_you_mean;
 
 /// The keys of all bindings.
 #[derive(Clone, Debug)]
@@ -32,8 +32,7 @@ impl Keymap {
             help: help.to_owned(),
         };
         if let Some(name) = changes.keys().find(|name| !bindings().any(|b| b.name == **name)) {
-            let nearest = nearest(name, bindings().map(|b| b.name));
-            let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+            let nearest = did_you_mean(name, bindings().map(|b| b.name));
             let help = format!("{nearest}--print-config-template lists all names");
             return Err(fail(name, "unknown action".to_owned(), &help));
         }

@@ -18,7 +18,7 @@ use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, ThemeName};
 use gdg::bridge::Planner;
 use gdg::engine::Snapshot;
-use gdg::files::has_extension;
+use gdg::env::WorldKind;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
@@ -273,7 +273,7 @@ pub fn map_switch(
     picker
 }
 
-/// Lists the maps in `folder`, given its `entries` and whether each is a folder. If a `registry` is
+/// Lists the maps and folders in `folder`: its `entries`, and whether each is a folder. If a `registry` is
 /// given, built-in maps and those of its worlds that can be drawn come first.
 pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Registry>) -> Picker {
     let mut items = Vec::new();
@@ -287,19 +287,17 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
         }));
         let about = format!("{} x {} cells to draw on", EMPTY_MAP.0, EMPTY_MAP.1);
         items.push(Item::new("empty", about, Choice::OpenEmpty));
-        let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some());
-        items.extend(
-            worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))),
-        );
+        let item =
+            |kind: &WorldKind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name));
+        items.extend(registry.named_worlds().map(item));
     }
     items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
     for (path, is_folder) in entries {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        if *is_folder {
-            items.push(Item::new(format!("{name}/"), "folder", Choice::Folder(path.clone())));
-        } else if ["map", "txt"].iter().any(|extension| has_extension(path, extension)) {
-            items.push(Item::new(name, "map", Choice::OpenMap(path.clone())));
-        }
+        items.push(match is_folder {
+            true => Item::new(format!("{name}/"), "folder", Choice::Folder(path.clone())),
+            false => Item::new(name, "map", Choice::OpenMap(path.clone())),
+        });
     }
     Picker::new(format!("open a map: {}", folder.display()), items)
 }

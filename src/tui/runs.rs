@@ -30,17 +30,16 @@ use super::PreparedInterface;
 use super::action::{Action, ListAction, Mode};
 use super::compare::Contestants;
 use super::config::UiConfig;
-use super::dialog::{Choice, Dialog};
+use super::dialog::{Choice, Dialog, Reply};
 use super::interface::{ClosedRun, Interface, TerminalRequest};
 use super::keymap::{self, Keymap};
 use super::layout::Click;
 use super::lists;
 use super::log::Log;
 use super::screen::PATIENCE;
-use super::session::answer::Reply;
 use super::session::elsewhere::TrainedElsewhere;
 use super::theme::{ColourDepth, Theme};
-use crate::experiment::plot::{Axis, Drawable, Measure};
+use crate::experiment::plot::{Drawable, Measure, XAxis};
 use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
 use crate::setup::Setup;
 use gdg::job::{Job, Running};
@@ -88,7 +87,7 @@ pub struct RunsScreen {
     /// The words that runs must have, and whether they are being typed.
     words: Input,
     is_typing: bool,
-    curves: (Measure, Axis),
+    curves: (Measure, XAxis),
     /// A question, and the files that are deleted if the user agrees.
     deletion: Option<(String, BTreeSet<PathBuf>)>,
     help: Option<Dialog>,
@@ -98,7 +97,7 @@ pub struct RunsScreen {
     places: ClickAreas,
     opener: Opener,
     wish: Option<Wish>,
-    /// The records of a run that is watched once it is saved, and what is said of it until then.
+    /// The records of a run that is watched once it is saved, and the text to show until then.
     awaited: Option<(PathBuf, String)>,
     opening: Option<Running<Result<Opened, Report>>>,
     opened: Option<Opened>,
@@ -152,7 +151,7 @@ impl RunsScreen {
             list: List::default(),
             words: Input::default(),
             is_typing: false,
-            curves: (Measure::Success, Axis::Updates),
+            curves: (Measure::Success, XAxis::Updates),
             deletion: None,
             help: None,
             log: Log::default(),

@@ -82,7 +82,7 @@ impl TerminalStage {
     }
 
     /// Shows `interface` until the user or a signal ends it, lets `close` end training, and returns
-    /// the exit status with what is said about files.
+    /// the exit status with the summary of its files.
     pub fn show<I: Interface>(
         &mut self,
         mut interface: I,

@@ -351,8 +351,17 @@ fn nearest_of_256(rgb: Rgb, fits: impl Fn(Rgb) -> bool) -> Rgb {
     colours.min_by_key(off).unwrap_or(rgb)
 }
 
+/// Returns the RGB value of a colour; `None` if it depends on the terminal.
+pub fn rgb_of(colour: Color) -> Option<Rgb> {
+    match colour {
+        Color::Rgb(r, g, b) => Some((r, g, b)),
+        Color::Indexed(i) => Some(rgb_of_indexed(i)),
+        _ => None,
+    }
+}
+
 /// Returns the RGB value of one of a terminal's 256 colours.
-pub fn rgb_of_indexed(index: u8) -> Rgb {
+fn rgb_of_indexed(index: u8) -> Rgb {
     let RgbColor(r, g, b) = xterm_to_rgb(Ansi256Color(index), VGA);
     (r, g, b)
 }

@@ -191,7 +191,7 @@ fn a_resumed_run_trains_for_max_seconds_more() {
     assert!(errors.starts_with("not saved: ") && errors.lines().count() == 2, "{errors}");
     assert!(end["seconds"].as_f64().unwrap() >= begun + seconds - 0.01, "{end}, begun {begun}");
     assert!(end["updates"].as_u64().unwrap() > 350, "{end}");
-    // The others count from the start, which is said.
+    // The others count from the start, and the program says so.
     for limit in [["--max-updates", "350"], ["--max-episodes", "1"]] {
         let (records, errors) = train(&limit);
         assert!(errors.contains("nothing to train") && errors.contains(limit[0]), "{errors}");

@@ -111,7 +111,7 @@ impl Engine {
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = TrainingThread {
             trainer,
-            session: session(),
+            training_loop: training_loop(),
             inbox,
             publish,
             current: first,
@@ -172,7 +172,7 @@ struct RunningEvaluation {
 
 struct TrainingThread {
     trainer: Trainer,
-    session: TrainingLoop,
+    training_loop: TrainingLoop,
     inbox: Receiver<EngineCommand>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
@@ -189,7 +189,7 @@ struct TrainingThread {
     job: Job,
 }
 
-fn session() -> TrainingLoop {
+fn training_loop() -> TrainingLoop {
     let evaluate = EvaluateAt::EveryUpdates(EVALUATE_EVERY_UPDATES);
     TrainingLoop::new(Schedule { evaluate, ..Schedule::default() })
 }
@@ -254,7 +254,7 @@ impl TrainingThread {
         while self.process_commands() {
             let episodes = self.trainer.counters().episodes;
             let tick = loop {
-                match self.session.next(&mut self.trainer, &self.current.limits)? {
+                match self.training_loop.next(&mut self.trainer, &self.current.limits)? {
                     TrainingEvent::Recovery(recovery) => self.on_recovery(recovery),
                     TrainingEvent::Warned => {
                         let warnings = self.trainer.take_warnings();

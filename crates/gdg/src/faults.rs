@@ -28,7 +28,8 @@ static FAILURES: Mutex<Vec<ThreadPanic>> = Mutex::new(Vec::new());
 /// Whether a front end shows the panics of other threads, so that they need not be printed.
 static SHOWN_BY_INTERFACE: AtomicBool = AtomicBool::new(false);
 
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("internal error in thread {thread}: {message}")]
 pub struct ThreadPanic {
     /// The thread's name.
     pub thread: String,
@@ -48,10 +49,7 @@ pub fn install_panic_hook() {
         let failure = ThreadPanic { thread: name.to_owned(), message };
         log::error!("thread {name} panicked: {}", failure.message);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
-            crate::printing::eprint_line(&format!(
-                "internal error in thread {name}: {}",
-                failure.message
-            ));
+            crate::printing::eprint_line(&failure.to_string());
         }
         let mut failures = FAILURES.lock();
         if failures.len() < MAX_FAILURES {

@@ -90,10 +90,7 @@ pub fn escape_json_line(json: &str) -> String {
     let mut out = String::with_capacity(json.len());
     for c in json.chars() {
         if is_active(c) && !matches!(c, '\n' | '\t' | '\r') {
-            let mut units = [0; 2];
-            c.encode_utf16(&mut units)
-                .iter()
-                .for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
+            c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| out += &format!("\\u{unit:04x}"));
         } else {
             out.push(c);
         }
@@ -161,9 +158,7 @@ pub fn aligned(rows: &[Vec<String>]) -> String {
     const GAP: usize = 2;
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let of = |column: usize| {
-        rows.iter()
-            .filter(move |row| row.len() > column + 1)
-            .map(move |row| display_width(&row[column]))
+        rows.iter().filter_map(move |row| Some(display_width(row.split_last()?.1.get(column)?)))
     };
     let widths: Vec<usize> =
         (0..columns).map(|column| of(column).max().unwrap_or(0) + GAP).collect();
@@ -192,6 +187,11 @@ pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
         .map(|name| (likeness(name), name))
         .max_by(|a, b| a.0.total_cmp(&b.0));
     most.filter(|(likeness, _)| *likeness > LEAST_LIKENESS).map(|(_, name)| name)
+}
+
+/// Asks for the one of `known` that is most like `typed`, if one is like it at all.
+pub fn did_you_mean<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(typed, known).map_or(String::new(), |known| format!("did you mean {known}? "))
 }
 
 #[cfg(test)]

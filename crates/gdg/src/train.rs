@@ -44,8 +44,7 @@ pub use score::{
 pub use settings::{SETTINGS, Settings, TrainSettings};
 pub use settings_file::{
     ConfigError, Overrides, about_setting, changed_from, list_settings, print_settings,
-    reference_page, setting_page, settings_from, settings_from_text, settings_in_world,
-    with_setting,
+    reference_page, setting_page, settings_from, settings_in_world, with_setting,
 };
 pub use trainer::{About, Edit, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
 pub use training_loop::{EvaluateAt, Schedule, TrainingEvent, TrainingLoop};

@@ -1,13 +1,13 @@
 //! What the screen shows of a run, computed from copies of the networks on a separate thread:
 //! distance fields, the bridge graph, the planned path, and an agent walking to the goal.
 //!
-//! `viewer_worker` computes it; `pilot` leads the agent, `cells` has the facts about maps, and
+//! `worker` computes it; `pilot` leads the agent, `cells` has the facts about maps, and
 //! `interpolation` gives D of the past.
 
 mod cells;
 mod interpolation;
 mod pilot;
-mod viewer_worker;
+mod worker;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -24,7 +24,7 @@ use crate::train::FilmFrame;
 pub use cells::{CellInfo, Exploration, Knowledge, cell_of_goal, way_along};
 pub use interpolation::FilmedMap;
 pub use pilot::{Candidate, Ghost, Graph, OnArrival, Reach};
-use viewer_worker::ViewerWorker;
+use worker::ViewerWorker;
 
 /// Time between two steps of the walking agent.
 const STEP_INTERVAL: Duration = Duration::from_millis(75);

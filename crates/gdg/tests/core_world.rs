@@ -3,10 +3,10 @@
 use gdg::env::{EnvError, Environment, Spec, WorldKind};
 use gdg::job::Job;
 use gdg::train::{Preset, Registry, Run, Tick, Trainer};
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::support::train_to;
+use crate::support::{evaluated, rng, train_to};
 
 /// Length of the line, in steps.
 const LENGTH: f32 = 20.0;
@@ -90,7 +90,7 @@ impl Environment for Line {
 
     fn end_step(&mut self) -> Result<(), EnvError> {
         let actions = std::mem::take(&mut self.begun);
-        self.step(&actions, &mut ChaCha8Rng::seed_from_u64(0))
+        self.step(&actions, &mut rng(0))
     }
 }
 
@@ -116,7 +116,7 @@ fn trainer_in(line: &Line) -> Trainer {
 fn it_is_trained_and_after_a_resume_its_agents_begin_new_episodes() {
     let mut run = trainer();
     train_to(&mut run, 150);
-    let found = run.evaluate(&run.tasks(5).unwrap()).unwrap();
+    let found = evaluated(&run, 5);
     assert!(found.greedy.success.is_some() && found.planned.is_some());
     assert!(found.coverage.is_none() && found.distance_error.is_none() && found.marked.is_none());
     assert!(run.world().states().iter().any(|at| *at != START));
@@ -134,7 +134,7 @@ fn it_is_trained_and_after_a_resume_its_agents_begin_new_episodes() {
         assert!(jump <= 1.001, "{jump}");
         last[agent] = at;
     });
-    assert!(resumed.evaluate(&resumed.tasks(2).unwrap()).is_ok());
+    evaluated(&resumed, 2);
 }
 
 #[test]

@@ -3,16 +3,10 @@
 
 use std::path::Path;
 
-use crate::support::{assert_resumes, train_to};
+use crate::support::{assert_resumes, evaluated, rng, success, train_to};
 use gdg::env::{Environment, Evaluated, FetchReach};
 use gdg::settings::Auto;
 use gdg::train::{Preset, Settings, Trainer};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-
-fn rng() -> ChaCha8Rng {
-    ChaCha8Rng::seed_from_u64(1)
-}
 
 /// An arm at reset.
 fn arm() -> FetchReach {
@@ -25,7 +19,7 @@ fn grip(world: &FetchReach) -> [f64; 3] {
 
 fn pull(world: &mut FetchReach, action: [f64; 3]) {
     let [x, y, z] = action.map(|v| v as f32);
-    world.step(&[x, y, z, 0.0], &mut rng()).unwrap();
+    world.step(&[x, y, z, 0.0], &mut rng(1)).unwrap();
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -60,7 +54,7 @@ fn the_arm_moves_as_in_the_reference() {
 
 #[test]
 fn proportional_control_reaches_every_goal() {
-    let tasks = Evaluated::tasks(&arm(), 20, &mut rng()).unwrap().tasks;
+    let tasks = Evaluated::tasks(&arm(), 20, &mut rng(1)).unwrap().tasks;
     let steps = tasks.iter().map(|task| {
         let mut world = arm();
         let goal = [0, 1, 2].map(|i| f64::from(task.goal[i]));
@@ -150,8 +144,7 @@ fn episodes_take_50_steps_unless_the_settings_say_otherwise() {
 fn evaluation_groups_tasks_by_centimetres_and_gives_each_50_steps() {
     let mut run = trainer("gdg", small());
     train_to(&mut run, 5);
-    let tasks = run.tasks(8).unwrap();
-    let score = run.evaluate(&tasks).unwrap().greedy;
+    let score = evaluated(&run, 8).greedy;
     let groups = &score.by_distance;
     let distances: Vec<f64> = groups.iter().map(|group| group.distance_cm.unwrap()).collect();
     assert!(distances.len() == 5 && distances.is_sorted(), "{distances:?} cm");
@@ -174,10 +167,10 @@ fn learned_and_given_distance_solve_the_tasks() {
         (settings.train.learning_starts, settings.train.env_steps_per_update) = (200, 1);
         let world = FetchReach::new(0);
         let mut run = crate::support::trainer(&world, method, settings, 1, 2);
-        let [_, before] = crate::support::success(&run, tasks);
+        let [_, before] = success(&run, tasks);
         train_to(&mut run, updates);
         assert!(run.counters().env_steps <= 208 + updates);
-        let [_, after] = crate::support::success(&run, tasks);
+        let [_, after] = success(&run, tasks);
         assert!(before < 0.5 && after >= least, "{method}: {before}, then {after}");
     }
 }

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::support::rng;
 use gdg::env::{EnvSettings, Environment, Evaluated, PointMaze};
 use gdg::job::Job;
 use gdg::map::{
@@ -13,8 +14,6 @@ use gdg::map::{
     read_scenario,
 };
 use proptest::prelude::*;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 
 fn samples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps")
@@ -166,7 +165,7 @@ proptest! {
         actions in prop::collection::vec(-1.5f32..1.5, 8..120),
     ) {
         let grid = Arc::new(grid);
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut rng = rng(seed);
         let mut world = PointMaze::new(grid.clone(), 2);
         world.configure(&EnvSettings { noise: 0.3, ..EnvSettings::default() });
         world.restart(0, &mut rng).unwrap();
@@ -189,7 +188,7 @@ proptest! {
 #[test]
 fn agents_slide_along_walls_and_are_moved_out_of_them() {
     let grid = Arc::new(parse_map("wall", b"...\n###\n...\n").unwrap());
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut rng = rng(1);
     let mut world = PointMaze::new(grid, 1);
     world.set_full_state(0, &[0.5, 0.5]).unwrap();
     world.step(&[1.0, 1.0], &mut rng).unwrap();
@@ -207,9 +206,7 @@ fn a_scenario_stays_on_an_edited_map_and_not_on_one_of_another_size() {
     let task =
         ScenarioTask { start: Cell::new(0, 0), goal: Cell::new(3, 1), optimal_octile: Some(3.4) };
     maze.set_scenario(vec![task]);
-    let tasks = |maze: &PointMaze| {
-        Evaluated::tasks(maze, 1, &mut ChaCha8Rng::seed_from_u64(1)).unwrap().tasks
-    };
+    let tasks = |maze: &PointMaze| Evaluated::tasks(maze, 1, &mut rng(1)).unwrap().tasks;
     assert_eq!(tasks(&maze).len(), 1);
     let edited = tasks(&maze.with_map(map("....\n.#..\n")));
     assert_eq!((edited.len(), &edited[0].goal), (1, &vec![3.5, 1.5]));

@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::support::{assert_same, resumed};
+use crate::support::{assert_same, resumed, rng};
 use gdg::env::{Editable, Environment, Episodes, Evaluated, PointMaze};
 use gdg::job::Job;
 use gdg::map::{self, Ogbench};
 use gdg::train::{Dataset, LeftOut, Settings, Trainer, data_file};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 
 fn maze(benchmark: Ogbench, agents: usize) -> PointMaze {
     PointMaze::new(Arc::new(map::builtin(benchmark.name()).unwrap()), agents)
@@ -18,10 +16,6 @@ fn maze(benchmark: Ogbench, agents: usize) -> PointMaze {
 /// Returns the position at a row and a column of blocks, with a fraction.
 fn block(row: f64, column: f64) -> [f64; 2] {
     [20.0 * column + 10.0, 20.0 * row + 10.0]
-}
-
-fn rng(seed: u64) -> ChaCha8Rng {
-    ChaCha8Rng::seed_from_u64(seed)
 }
 
 /// Returns recorded steps of OGBench's own environments.

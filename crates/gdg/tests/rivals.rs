@@ -1,7 +1,9 @@
 //! Rivals that learn from rewards: they learn what they can, reproducibly, and planners work over
 //! them. Whether runs repeat is also tested for the goal-distance gradient with D given.
 
-use crate::support::{assert_resumes, assert_same, maze, state, success, train_all, train_to};
+use crate::support::{
+    assert_resumes, assert_same, evaluated, maze, state, success, train_all, train_to,
+};
 use gdg::train::{Registry, Trainer};
 
 /// Two rooms joined by a door.
@@ -35,7 +37,7 @@ fn every_rival_learns_a_small_empty_map() {
     for rival in RIVALS {
         let mut run = trainer(rival, &"........\n".repeat(8), 1, 2);
         train_to(&mut run, 2_500);
-        let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
+        let found = evaluated(&run, 20);
         let success = found.greedy.success.unwrap();
         assert_eq!(found.straight.unwrap().success, Some(1.0), "nothing is in the way");
         assert!(success >= 0.85, "{rival}: {success}");
@@ -63,7 +65,7 @@ fn planners_work_over_a_rival() {
     for (planner, least) in [("sorb", 0.45), ("bridges", 0.9)] {
         let mut run = trainer(&format!("her+{planner}"), TWO_ROOMS, 1, 2);
         train_to(&mut run, 4_000);
-        let bridges = run.evaluate(&run.tasks(1).unwrap()).unwrap().bridges.unwrap();
+        let bridges = evaluated(&run, 1).bridges.unwrap();
         assert!(bridges.candidates > 30 && bridges.edges > bridges.candidates, "{bridges:?}");
         let [planned, _] = success(&run, 15);
         assert!(planned >= least, "{planner}: planned {planned}");

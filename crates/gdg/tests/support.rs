@@ -5,9 +5,16 @@ use std::sync::Arc;
 
 pub use crate::runs::{state, train_to};
 use gdg::env::{Environment, PointMaze};
+use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::parse_map;
-use gdg::train::{self, Registry, Run, SaveTo, Settings, Trainer};
+use gdg::train::{self, Evaluation, Registry, Run, SaveTo, Settings, Trainer};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+pub fn rng(seed: u64) -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(seed)
+}
 
 /// Returns a maze without agents of its own.
 pub fn maze(text: &str) -> PointMaze {
@@ -67,8 +74,13 @@ pub fn assert_resumes(begin: impl Fn() -> Trainer, at: u64, end: u64) -> Trainer
     straight
 }
 
+/// Evaluates a run on `tasks` of each distance.
+pub fn evaluated(run: &Trainer, tasks: usize) -> Evaluation {
+    run.evaluation().unwrap().evaluate(tasks, &Job::default()).unwrap()
+}
+
 /// Returns the success on plans and without them, on `tasks` of each distance.
 pub fn success(run: &Trainer, tasks: usize) -> [f64; 2] {
-    let found = run.evaluate(&run.tasks(tasks).unwrap()).unwrap();
+    let found = evaluated(run, tasks);
     [found.planned.unwrap_or_default(), found.greedy].map(|score| score.success.unwrap_or_default())
 }

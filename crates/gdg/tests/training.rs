@@ -9,7 +9,7 @@ mod resume;
 use std::sync::Arc;
 
 use crate::support::{
-    assert_resumes, assert_same, maze, resumed, state, success, train_all, train_to,
+    assert_resumes, assert_same, evaluated, maze, resumed, rng, state, success, train_all, train_to,
 };
 use gdg::bridge::{BridgeSettings, Planner};
 use gdg::env::{Goals, PointMaze, Restart};
@@ -78,7 +78,7 @@ fn neither_threads_nor_evaluations_change_the_run_but_another_seed_does() {
         let mut watched = trainer(settings(), 3, threads);
         for updates in [150, 300, 450] {
             train_to(&mut watched, updates);
-            watched.evaluate(&watched.tasks(1).unwrap()).unwrap();
+            evaluated(&watched, 1);
         }
         assert_same(&watched, &alone);
     }
@@ -141,11 +141,14 @@ fn changing_any_setting_keeps_the_documented_state() {
 fn an_evaluation_that_nobody_wants_builds_no_graph() {
     let mut run = trainer(settings(), 11, 2);
     train_to(&mut run, 50);
-    let (job, tasks) = (run.evaluation().unwrap(), run.tasks(1).unwrap());
+    let job = run.evaluation().unwrap();
     let cancelled = Job::default();
     assert!(job.graph(&cancelled).is_some());
     cancelled.cancel();
-    assert_eq!(job.run_unless(&cancelled, &tasks).err(), Some(gdg::env::EnvError::Stopped));
+    assert_eq!(
+        job.run_unless(&cancelled, &job.tasks(1).unwrap()).err(),
+        Some(gdg::env::EnvError::Stopped)
+    );
     assert_eq!(cancelled.share(), Some(0.0), "not even its first row");
 }
 

@@ -10,7 +10,11 @@ use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{
+<<<<<<< HEAD
     Axis, Drawable, PAGE, Points, SeedCurves, csv_of, table, write_unless_edited,
+=======
+    Drawable, PAGE, Points, SeedCurves, XAxis, csv_of, table, write_unless_edited,
+>>>>>>> main
 };
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;
@@ -64,7 +68,7 @@ fn last(line: &SeedCurves) -> Vec<f64> {
 /// Returns the charts of a figure, if it shows curves. Methods are compared over what they were
 /// allowed to experience, or, where that is the same recorded data, over updates.
 fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<FigurePanel> {
-    let over = if figure.shows == Shows::Datasets { Axis::Updates } else { Axis::Steps };
+    let over = if figure.shows == Shows::Datasets { XAxis::Updates } else { XAxis::Steps };
     let panel = |chart: &str, labels, top, points: &dyn Fn(&JobResult) -> Points| {
         let line = |(marker, method): (usize, &MethodRuns)| SeedCurves {
             chart: chart.to_owned(),

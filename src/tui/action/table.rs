@@ -11,9 +11,9 @@ use crate::tui::lists;
 use crate::tui::session::{Session, change_run, disk, watching};
 use gdg::engine::Step;
 
-type Run = fn(&mut Session, A);
+type Perform = fn(&mut Session, A);
 
-const fn bind(action: A, name: &'static str, keys: Keys, run: Run) -> Binding {
+const fn bind(action: A, name: &'static str, keys: Keys, run: Perform) -> Binding {
     let (both, when, is_about_present, is_in_lists) = (Both::Refused, None, false, false);
     let (short, long, words) = ("", "", "");
     Binding {
@@ -32,7 +32,7 @@ const fn bind(action: A, name: &'static str, keys: Keys, run: Run) -> Binding {
 }
 
 /// The same while the editor is closed.
-const fn watch(action: A, name: &'static str, keys: Keys, run: Run) -> Binding {
+const fn watch(action: A, name: &'static str, keys: Keys, run: Perform) -> Binding {
     bind(action, name, keys, run).watching()
 }
 

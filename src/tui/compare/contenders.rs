@@ -22,8 +22,6 @@ use gdg::map::{Grid, Reading, builtin};
 use gdg::text::sanitized;
 use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
-const DEFAULT_MAP: &str = "fourrooms";
-
 #[derive(Clone, Debug)]
 pub enum Contender {
     Method(Method),
@@ -220,7 +218,7 @@ fn begin(
     let maze = if let Some((map, _)) = beside {
         setup::maze_on(map.clone(), map.name(), &run)?
     } else {
-        let map = options.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP));
+        let map = options.map.as_deref().unwrap_or(Path::new(find_maps::DEFAULT_MAP));
         setup::open_maze(map, reading, &run, registry)?
     };
     let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {

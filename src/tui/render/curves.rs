@@ -9,7 +9,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
 use super::ScreenPainter;
-use crate::experiment::plot::{Axis, Drawable};
+use crate::experiment::plot::{Drawable, XAxis};
 use crate::tui::layout::ChartArea;
 use crate::tui::pane_text::{fitted_lines, short};
 use crate::tui::screen::Screen;
@@ -186,8 +186,8 @@ pub fn along(screen: &Screen, updates: u64) -> f64 {
     (updates * screen.run().settings.train.env_steps_per_update) as f64
 }
 
-fn axis(screen: &Screen) -> Axis {
-    if has_learned(screen) { Axis::Updates } else { Axis::Steps }
+fn axis(screen: &Screen) -> XAxis {
+    if has_learned(screen) { XAxis::Updates } else { XAxis::Steps }
 }
 
 fn has_learned(screen: &Screen) -> bool {
@@ -304,7 +304,7 @@ pub fn draw_heading(
 pub struct Axes {
     /// The bounds across, and what they count.
     pub x: [f64; 2],
-    pub over: Axis,
+    pub over: XAxis,
     /// The bounds upwards, and their labels.
     pub y: [f64; 2],
     pub y_labels: [String; 2],

@@ -87,16 +87,10 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
 fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
     let ScreenPainter { frame, screen, scene, .. } = page;
     let (screen, scene) = (*screen, *scene);
-    let title = match pane {
-        Pane::Training => "training",
-        Pane::Curves => "curves",
-        Pane::Walk => "walk @ \u{2192} G",
-        Pane::Legend => "legend",
-    };
     let style = if pane == screen.pane { BOLD } else { Style::new() };
     let mut block = Block::new()
         .borders(Borders::TOP | Borders::LEFT)
-        .title(Span::styled(format!(" {title} "), style));
+        .title(Span::styled(format!(" {} ", pane.name()), style));
     let has_more =
         matches!(pane, Pane::Training | Pane::Walk) && !screen.maximised && pane == screen.pane;
     if has_more && usize::from(area.width) <= EXPLAINED_WIDTH {

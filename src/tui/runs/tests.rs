@@ -147,7 +147,7 @@ fn the_mouse_sorts_selects_and_marks() {
     assert_eq!(screen.list.marked()[&0].seed, 1);
     let at = place_of(&shown, "success rate over");
     click(&mut screen, MouseButton::Left, at);
-    assert_eq!(screen.curves.1, Axis::Steps);
+    assert_eq!(screen.curves.1, XAxis::Steps);
 }
 
 #[test]

@@ -31,8 +31,8 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::{OnArrival, Plane, Request, View, cell_of_goal};
 pub use map_pixels::Cache;
 
-/// How near what cannot go on is to a wall: farther than a part of a step, nearer than the middle of a
-/// corridor.
+/// Distance to a wall, in cells, within which an agent is stopped by it: more than a part of a step,
+/// less than from the middle of a corridor.
 const AT_WALL_CELLS: f32 = 0.25;
 
 pub struct MazeState {

@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crossterm::event::{Event, KeyCode, KeyEvent, MouseButton, MouseEventKind};
+use crossterm::event::Event;
 use rand::RngExt;
 use ratatui::layout::Position;
 
 use super::disk::{self, checkpoint_file};
 use super::saving::unsaved;
 use super::{Cx, Session, change_run, watching};
-use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
-use crate::tui::layout::{Click, ScreenLayout};
+use crate::tui::dialog::{Choice, Dialog, Prompt, Question, Reply};
 use crate::tui::lists;
 use gdg::engine::EngineCommand;
 use gdg::files::check_name;
@@ -185,71 +184,4 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
     let replaces = if lost.is_some() { " and replaces" } else { "Enter again replaces" };
     let there = there.map(|there| format!("{replaces} {there}"));
     Ok(lost.into_iter().chain(there).reduce(|lost, there| lost + &there))
-}
-
-/// What an event does to a dialog.
-#[derive(Debug)]
-pub enum Reply {
-    Stays,
-    Closes,
-    Accepts,
-    Picks(Choice),
-}
-
-impl Dialog {
-    pub fn key(&mut self, key: KeyEvent) -> Reply {
-        match (self, key.code) {
-            (_, KeyCode::Esc) => Reply::Closes,
-            // The key that opens the help closes it, too.
-            (Self::Pick(list), KeyCode::Char('?')) if list.typed().0.is_empty() => Reply::Closes,
-            (_, KeyCode::Enter) => Reply::Accepts,
-            (Self::Pick(picker), _) => {
-                if picker.on_key(key) {
-                    Reply::Accepts
-                } else {
-                    Reply::Stays
-                }
-            }
-            (Self::Ask(prompt), _) => {
-                prompt.on_key(key);
-                Reply::Stays
-            }
-        }
-    }
-
-    pub fn mouse(&mut self, kind: MouseEventKind, at: Position, layout: &ScreenLayout) -> Reply {
-        let lines = match kind {
-            MouseEventKind::ScrollUp => -1,
-            MouseEventKind::ScrollDown => 1,
-            MouseEventKind::Down(MouseButton::Left) => return self.click(at, layout),
-            _ => return Reply::Stays,
-        };
-        if let Self::Pick(picker) = self {
-            picker.move_selection(3 * lines);
-        }
-        Reply::Stays
-    }
-
-    fn click(&mut self, at: Position, layout: &ScreenLayout) -> Reply {
-        let (rows, first) = layout.rows;
-        match (layout.click(at), self) {
-            (Some(Click::Answer), _) => Reply::Accepts,
-            (Some(Click::Act(action)), _) => Reply::Picks(Choice::Act(action)),
-            (Some(Click::Close), _) => Reply::Closes,
-            _ if !layout.dialog.contains(at) => Reply::Closes,
-            (None, Self::Pick(picker)) => {
-                // A click below the last item picks nothing.
-                let picks = rows.contains(at) && picker.select(first + usize::from(at.y - rows.y));
-                if picks { Reply::Accepts } else { Reply::Stays }
-            }
-            (None, Self::Ask(_)) => Reply::Stays,
-        }
-    }
-
-    pub fn paste(&mut self, text: &str) {
-        match self {
-            Self::Pick(picker) => picker.insert(text),
-            Self::Ask(prompt) => prompt.insert(text),
-        }
-    }
 }

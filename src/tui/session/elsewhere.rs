@@ -28,11 +28,11 @@ pub struct TrainedElsewhere {
     /// The version of the checkpoint that is shown, or being opened.
     shown: Option<Stamp>,
     opened: Instant,
-    seen: watch::Receiver<Seen>,
+    seen: watch::Receiver<SeenFiles>,
 }
 
 #[derive(Clone, Default)]
-struct Seen {
+struct SeenFiles {
     checkpoint: Option<Stamp>,
     /// The version of the records; none if they are gone, or cannot be read.
     records: Option<Stamp>,
@@ -43,13 +43,14 @@ impl TrainedElsewhere {
     /// Begins to look at its files, on a thread of its own, as a network may hang.
     pub fn look(checkpoint: PathBuf, records: PathBuf) -> std::io::Result<Self> {
         let shown = stamp(&checkpoint);
-        let (publish, seen) = watch::channel(Seen { checkpoint: shown, ..Seen::default() });
+        let (publish, seen) =
+            watch::channel(SeenFiles { checkpoint: shown, ..SeenFiles::default() });
         let path = checkpoint.clone();
         let (mut reader, mut records) = (RecordsReader::new(&records), records);
         let look = move || {
             while !publish.is_closed() {
                 let before = publish.borrow().clone();
-                let mut now = Seen { checkpoint: stamp(&path), ..before.clone() };
+                let mut now = SeenFiles { checkpoint: stamp(&path), ..before.clone() };
                 // Without records, it is the checkpoint.
                 let written = stamp(&records).filter(|_| records != path);
                 // Saved by a program that writes other records.

@@ -12,7 +12,7 @@ use crate::process::errors::from_checkpoint_error;
 use crate::process::logging;
 use crate::process::waiting::{TWICE, Waiting};
 use crate::setup::outputs::{elsewhere, is_same_file, to_elsewhere};
-use crate::setup::saves::{SAVES, resume_command};
+use crate::setup::saves::{SAVES, newest_first, resume_command};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::interface::ClosedRun;
 use crate::tui::lists;
@@ -234,7 +234,7 @@ impl Saver {
             self.quit(cx);
         }
         for failure in gdg::faults::take_failures() {
-            let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
+            let text = failure.to_string();
             cx.screen.report(&text);
             if !std::mem::replace(&mut self.has_failed, true) {
                 self.autosave(cx);
@@ -322,7 +322,7 @@ impl Session {
         // The trainer ends once nothing can send it commands any more.
         drop(cx);
         let trainer = engine.stop();
-        // All that is said is said of one moment: the trainer may be farther than its last snapshot.
+        // The summary is of one moment: the trainer may be farther than its last snapshot.
         let mut snapshot = Snapshot::clone(&snapshots.borrow());
         if let Some(trainer) = &trainer {
             (snapshot.counters, snapshot.seconds) = (trainer.counters(), trainer.seconds());
@@ -409,6 +409,5 @@ pub fn about_files(snapshot: &Snapshot, tells_lost: bool) -> String {
 fn newest_file(snapshot: &Snapshot) -> Option<PathBuf> {
     let own = snapshot.saved.as_ref().map(|(_, path)| path.to_path_buf());
     let autosaves = snapshot.autosaves.iter().map(|(_, path)| path.clone());
-    let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
-    own.into_iter().chain(autosaves).filter_map(written).max().map(|(_, path)| path)
+    newest_first(own.into_iter().chain(autosaves)).into_iter().next()
 }

@@ -18,6 +18,7 @@ use crate::tui::theme::ColourDepth;
 use crate::tui::viewport::Viewport;
 use bridge::TourBridge;
 use gdg::bridge::{BridgePoint, SearchOutcome};
+use gdg::draw::positions_along;
 use gdg::learn::Scratch;
 use gdg::map::{Cell, Grid};
 use gdg::train::{Method, Preset, Run};
@@ -289,10 +290,8 @@ fn distance_to_goal(maze: &MazeState, screen: &Screen, from: [f32; 2]) -> f32 {
 /// Returns points along the lines that connect `stops`.
 fn points_along(stops: &[[f32; 2]]) -> Vec<[f32; 2]> {
     let between = |ends: &[[f32; 2]]| {
-        let [from, to] = [ends[0], ends[1]];
-        let n = (straight(from, to) / SPACING).ceil().max(1.0) as usize;
-        let share = move |i: usize| i as f32 / n as f32;
-        (0..=n).map(move |i| [0, 1].map(|axis| from[axis] + share(i) * (to[axis] - from[axis])))
+        let count = (straight(ends[0], ends[1]) / SPACING).ceil().max(1.0);
+        positions_along([ends[0], ends[1]], count as usize)
     };
     stops.windows(2).flat_map(between).collect()
 }

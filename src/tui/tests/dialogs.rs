@@ -45,15 +45,20 @@ fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
 }
 
 #[test]
-fn only_texts_that_are_maps_are_offered() {
+fn maps_of_all_formats_are_offered_and_no_other_texts() {
     let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("rooms.txt"), ROOMS).expect("written");
-    std::fs::write(folder.path().join("notes.txt"), "Buy milk, 2 bottles.\n").expect("written");
+    for (name, text) in [
+        ("maze.d4rl", "\"#####\\#GOO#\\#####\""),
+        ("notes.txt", "Buy milk, 2 bottles.\n"),
+        ("rooms.txt", ROOMS),
+    ] {
+        std::fs::write(folder.path().join(name), text).expect("written");
+    }
     let mut app = still();
     pick_map(&mut app.cx, Some(folder.path()));
     let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
     let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
-    assert_eq!(names, ["..", "rooms.txt"]);
+    assert_eq!(names, ["..", "maze.d4rl", "rooms.txt"]);
 }
 
 /// Lets time pass until something changes after which `is` holds.

@@ -24,7 +24,7 @@ fn clicks_reach_what_is_on_top_and_nothing_else() {
     assert_eq!(app.maze().goal, goal);
     press(&mut app, KeyCode::Char('z'));
     // With a second pane below, clicking its title selects it.
-    click_on(&mut app, (120, 40), "\u{250c} training");
+    click_on(&mut app, (120, 40), "\u{250c} train");
     assert_eq!(app.screen.pane, Pane::Training);
     app.act(Action::Method);
     draw(&mut app, 80, 24);

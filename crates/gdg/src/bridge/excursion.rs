@@ -87,8 +87,8 @@ impl Excursions {
         }
     }
 
-    /// Takes note of a step of any agent. What else tells places apart is found out from many: then the
-    /// places are other ones, and all excursions end.
+    /// Takes note of a step of any agent. What else tells places apart is found out from many steps:
+    /// then the table of places begins anew, and all excursions end.
     pub fn note(&mut self, agent: usize, spec: &Spec, [state, next]: [&[f32]; 2], action: &[f32]) {
         if spec.state_dim() == spec.goal_dim() {
             return;
@@ -237,7 +237,7 @@ impl Excursions {
         (self.under_way[agent], self.seeks[agent]) = (None, None);
     }
 
-    /// Whether what has to be moved to the goal seldom moves.
+    /// Whether the achieved goal seldom moves.
     pub(crate) fn goal_rests(&self) -> bool {
         self.moves.goal_rests()
     }

@@ -103,8 +103,8 @@ impl BridgeGraph {
     }
 
     /// Returns the graph of the current `candidates`: rebuilds the edges from those that are new or
-    /// `is_due`, see [`Self::build`]; the others keep their D. Ends early once `job` is cancelled:
-    /// nobody wants the graph any more.
+    /// `is_due`, see [`Self::build`]; the others keep their D. Ends early, with an incomplete graph,
+    /// once `job` is cancelled.
     pub(crate) fn renewed(
         &self,
         job: &Job,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::snapshot::{Phase, Snapshot, Step};
-use super::{TrainingThread, session};
+use super::{TrainingThread, training_loop};
 use crate::env::{EnvError, Environment};
 use crate::files;
 use crate::job::Job;
@@ -139,7 +139,7 @@ impl TrainingThread {
     }
 
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
-        (self.trainer, self.session) = (trainer, session());
+        (self.trainer, self.training_loop) = (trainer, training_loop());
         self.trainer.set_job(self.job.clone());
         (self.evaluation, self.next_evaluation_at, self.next_update_at) = (None, None, None);
         self.new_file = None;

@@ -56,7 +56,7 @@ pub fn direct_effects(steps: &[RecordedStep]) -> Vec<DirectEffect> {
         let limit = share(steps.iter().map(change).collect(), 1.0 - ORDINARY)[1];
         let mut effect = DirectEffect { component, limit, weights: Vec::new() };
         let related = |j: usize| {
-            let mut sums = Sums::default();
+            let mut sums = PairSums::default();
             let mut add = |[from, a, to]: &RecordedStep| sums.add(effect.change(from, to), a[j]);
             steps.iter().for_each(&mut add);
             sums.correlation().unwrap_or(0.0) as f32
@@ -82,7 +82,7 @@ pub struct FirstLook<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Agreement {
     /// Of each direct effect: what has changed, and what was to be expected.
-    sums: Vec<Sums>,
+    sums: Vec<PairSums>,
     pub steps: usize,
     /// Whether anything has moved of what actions move at once, or else at all.
     pub has_moved: bool,
@@ -90,7 +90,7 @@ pub struct Agreement {
 
 impl Agreement {
     pub fn add(&mut self, effects: &[DirectEffect], [from, action, to]: RecordedStep) {
-        self.sums.resize(effects.len(), Sums::default());
+        self.sums.resize(effects.len(), PairSums::default());
         for (sums, effect) in self.sums.iter_mut().zip(effects) {
             let expected = effect.weights.iter().zip(action).map(|(weight, a)| weight * a);
             sums.add(effect.change(from, to), expected.sum());
@@ -102,13 +102,14 @@ impl Agreement {
 
     /// Whether most of what actions moved at once, as far as it moves, moves otherwise.
     pub fn is_lost(&self) -> bool {
-        let known: Vec<f64> = self.sums.iter().filter_map(Sums::correlation).collect();
+        let known: Vec<f64> = self.sums.iter().filter_map(PairSums::correlation).collect();
         2 * known.iter().filter(|known| **known < UNRELATED).count() > known.len()
     }
 
     /// Returns the component that goes the other way, if one does.
     pub fn reversed(&self, effects: &[DirectEffect]) -> Option<usize> {
-        let is_reversed = |sums: &Sums| sums.correlation().is_some_and(|known| known < REVERSED);
+        let is_reversed =
+            |sums: &PairSums| sums.correlation().is_some_and(|known| known < REVERSED);
         let at =
             self.sums.iter().position(is_reversed).filter(|_| self.steps >= JUDGED_STEPS / 2)?;
         Some(effects[at].component)
@@ -155,9 +156,9 @@ impl EffectWatch {
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums([f64; 6]);
+struct PairSums([f64; 6]);
 
-impl Sums {
+impl PairSums {
     fn add(&mut self, a: f32, b: f32) {
         let [a, b] = [a, b].map(f64::from);
         self.0.iter_mut().zip([1.0, a, b, a * a, b * b, a * b]).for_each(|(sum, v)| *sum += v);

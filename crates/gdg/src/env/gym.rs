@@ -52,7 +52,7 @@ const TASKS_AT_ONCE: usize = 16;
 /// In the place of a checksum: whatever comes out of an episode is right.
 const UNCHECKED: f64 = -1.0;
 
-/// What is said once.
+/// Messages that are shown once.
 const NEW_EPISODES: &str = "the agents begin new episodes";
 const OTHER_SUCCESS: &str =
     "its own success is not what the goal radius says (--goal-radius sets another)";

@@ -201,6 +201,13 @@ impl PointMaze {
         let mut inside = || rng.random::<f32>() * 0.998 + 0.001;
         [cell.x as f32 + inside(), cell.y as f32 + inside()]
     }
+
+    /// Places an agent at a position, or in the free cell nearest to it.
+    pub fn put(&mut self, agent: usize, [x, y]: [f32; 2]) {
+        let near = || Some(self.map.nearest_free(Cell::new(x as usize, y as usize))?.centre());
+        let free = self.map.is_free_at(x, y).then_some([x, y]).or_else(near);
+        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&free.unwrap_or([x, y]));
+    }
 }
 
 /// Returns where one step of action (`ax`, `ay`) takes a point at (`x`, `y`); it slides along
@@ -278,14 +285,7 @@ impl Environment for PointMaze {
     }
 
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) -> Result<bool, EnvError> {
-        let mut position = [full_state[0] as f32, full_state[1] as f32];
-        if !self.map.is_free_at(position[0], position[1]) {
-            let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
-            if let Some(free) = self.map.nearest_free(cell) {
-                position = free.centre();
-            }
-        }
-        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
+        self.put(agent, [full_state[0] as f32, full_state[1] as f32]);
         Ok(true)
     }
 

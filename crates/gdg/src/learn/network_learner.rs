@@ -126,9 +126,9 @@ impl LearnerVariant {
 
 /// Mean errors of the dynamics model in D, in steps and as a share of D, of which both are exceeded
 /// where plans and targets no longer look ahead. Where many numbers depend on each other, an actor
-/// finds actions of which a model errs on the good side, and D becomes as short as if what has to be
-/// moved moved by itself. It then is off by fewer steps, so that only the share says when to trust the
-/// model again. A D that has been learned from behaviour first is not led astray so easily: the share
+/// finds actions of which a model errs on the good side, and D becomes as short as if objects moved by
+/// themselves. The model then errs by fewer steps of D, so that only the share says when to trust it
+/// again. A D that has been learned from behaviour first is not led astray so easily: the share
 /// grows to the second one within [`SETTLED_UPDATES`] where there are contacts.
 const LARGEST_ERROR_STEPS: f32 = 0.25;
 const LARGEST_ERROR_SHARES: [f32; 2] = [0.03, 0.07];

@@ -41,12 +41,12 @@ const CHECKS: [(Check, f64); 5] =
     [(outside, 0.0), (far, 0.5), (long, 0.1), (short, 0.5), (otherwise, 0.1)];
 
 type Judge<'a> = (&'a Spec, FirstLook<'a>);
-type Check = fn(&Judge, &[Step]) -> Option<String>;
+type Check = fn(&Judge, &[NumberedStep]) -> Option<String>;
 
 /// A step and its episode.
-type Step<'a> = (usize, RecordedStep<'a>);
+type NumberedStep<'a> = (usize, RecordedStep<'a>);
 
-fn outside((_, look): &Judge, steps: &[Step]) -> Option<String> {
+fn outside((_, look): &Judge, steps: &[NumberedStep]) -> Option<String> {
     look.columns.iter().enumerate().find_map(|(i, column)| {
         let [low, high] = *look.bounds.get(*column)?;
         let [low, high] = [low.unwrap_or(f32::MIN), high.unwrap_or(f32::MAX)];
@@ -57,7 +57,7 @@ fn outside((_, look): &Judge, steps: &[Step]) -> Option<String> {
     })
 }
 
-fn far((spec, _): &Judge, steps: &[Step]) -> Option<String> {
+fn far((spec, _): &Judge, steps: &[NumberedStep]) -> Option<String> {
     let Spec { state_centre, state_half_range, achieved, .. } = spec;
     let is_far = |i: usize, v: f32| (v - state_centre[i]).abs() > FAR * state_half_range[i];
     let count = |i: &usize| steps.iter().filter(|(_, [state, ..])| is_far(*i, state[*i])).count();
@@ -67,7 +67,7 @@ fn far((spec, _): &Judge, steps: &[Step]) -> Option<String> {
 
 /// Returns how much a step typically changes what actions move at once, and random ones do: others may
 /// be of an object that lies still until it is pushed.
-fn changes((spec, look): &Judge, steps: &[Step]) -> Vec<(usize, f32, f32)> {
+fn changes((spec, look): &Judge, steps: &[NumberedStep]) -> Vec<(usize, f32, f32)> {
     let moved = |i: usize| {
         let changes = steps.iter().map(|(_, [from, _, to])| (to[i] - from[i]).abs());
         (i, share(changes.collect(), 1.0 - TYPICAL)[1], spec.change_scale[i])
@@ -79,36 +79,36 @@ fn changed((i, now, usual): &(usize, f32, f32)) -> String {
     format!("a step changes component {i} by {now}, and by {usual} in random steps")
 }
 
-fn long(judge: &Judge, steps: &[Step]) -> Option<String> {
+fn long(judge: &Judge, steps: &[NumberedStep]) -> Option<String> {
     changes(judge, steps).iter().find(|(_, now, usual)| *now > LONG * usual).map(changed)
 }
 
-fn short(judge: &Judge, steps: &[Step]) -> Option<String> {
+fn short(judge: &Judge, steps: &[NumberedStep]) -> Option<String> {
     let changes = changes(judge, steps);
     let are_short = changes.iter().all(|(_, now, usual)| *now < SHORT * usual);
     changes.first().filter(|_| are_short).map(changed)
 }
 
-fn agreement(look: &FirstLook, steps: &[Step]) -> Agreement {
+fn agreement(look: &FirstLook, steps: &[NumberedStep]) -> Agreement {
     let mut agreement = Agreement::default();
     steps.iter().for_each(|(_, step)| agreement.add(look.effects, *step));
     agreement
 }
 
-fn otherwise((_, look): &Judge, steps: &[Step]) -> Option<String> {
+fn otherwise((_, look): &Judge, steps: &[NumberedStep]) -> Option<String> {
     let said = "actions do not lead where they lead here: rows may be shifted or reversed, actions \
                 negated or in another order";
     agreement(look, steps).is_lost().then(|| said.to_owned())
 }
 
 /// Says that something goes the other way in the whole file, which the few steps of a part do not show.
-fn reversed(look: FirstLook, steps: &[Step]) -> Option<String> {
+fn reversed(look: FirstLook, steps: &[NumberedStep]) -> Option<String> {
     let at = agreement(&look, steps).reversed(look.effects)?;
     Some(format!("actions move component {at} the other way than here: they may be negated"))
 }
 
 /// Says that actions seem to be in the environment's own unit.
-fn unscaled(look: FirstLook, steps: &[Step]) -> Option<String> {
+fn unscaled(look: FirstLook, steps: &[NumberedStep]) -> Option<String> {
     let bounds = look.low.iter().zip(look.high).enumerate();
     let bounds = bounds.filter_map(|(i, (low, high))| Some((i, (*low)?, (*high)?)));
     let narrow: Vec<_> = bounds.filter(|(_, low, high)| high - low < NARROW).collect();
@@ -177,7 +177,7 @@ impl Dataset {
 }
 
 /// Divides steps into parts.
-fn parts<'a, 'b>(steps: &'a [Step<'b>]) -> Vec<&'a [Step<'b>]> {
+fn parts<'a, 'b>(steps: &'a [NumberedStep<'b>]) -> Vec<&'a [NumberedStep<'b>]> {
     let most = steps.len().div_ceil(PARTS).max(PART_STEPS);
     let (mut parts, mut from) = (Vec::new(), 0);
     for at in 1..=steps.len() {
@@ -191,7 +191,7 @@ fn parts<'a, 'b>(steps: &'a [Step<'b>]) -> Vec<&'a [Step<'b>]> {
 }
 
 /// Says where the odd parts of a file are, unless it is nearly everywhere.
-fn place<'a>(odd: impl Iterator<Item = &'a [Step<'a>]>, share: f64) -> String {
+fn place<'a>(odd: impl Iterator<Item = &'a [NumberedStep<'a>]>, share: f64) -> String {
     let mut groups: Vec<[usize; 2]> = Vec::new();
     for part in odd {
         let [first, last] = [part[0].0, part[part.len() - 1].0];

@@ -9,14 +9,13 @@ use rand_chacha::ChaCha8Rng;
 use super::score::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, MarkedTask, Score, TaskOutcome, spearman,
 };
-use super::settings::RANDOM_HOLD_STEPS;
 use crate::bridge::{BridgeGraph, Candidates, Edge, Guide, LINK_CANDIDATES};
 use crate::env::{
     EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs,
 };
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
-use lockstep::{Actor, Acts, run_tasks};
+use lockstep::{Actor, run_tasks};
 
 pub struct EvaluationJob {
     pub(super) world: Box<dyn Environment>,
@@ -110,7 +109,7 @@ impl EvaluationJob {
         // The second half of the evaluation's stream, so that other results do not depend on this
         // one.
         rng.set_word_pos(rng.get_word_pos() + (1 << 33));
-        let actor = Actor { acts: Acts::Straight(action), ..self.actor(None) };
+        let actor = Actor { straight: Some(action), ..self.actor(None) };
         let runs = run_tasks(world, &tasks.tasks, &actor, &mut rng, &mut |_, _| true)?;
         Ok(Some(Score::new(tasks, &runs.taken)))
     }
@@ -149,12 +148,8 @@ impl EvaluationJob {
     }
 
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
-        let acts = match self.acting {
-            Acting::AtRandom => Acts::AtRandom(RANDOM_HOLD_STEPS),
-            Acting::Policy => Acts::ByPolicy,
-        };
         let guide = Guide { policy: &*self.policy, graph };
-        Actor { guide, acts, max_steps: self.max_steps }
+        Actor { guide, acting: self.acting, straight: None, max_steps: self.max_steps }
     }
 }
 

@@ -86,6 +86,11 @@ impl Registry {
         &self.worlds
     }
 
+    /// Returns the worlds that a name alone opens, without a file.
+    pub fn named_worlds(&self) -> impl Iterator<Item = &WorldKind> {
+        self.worlds.iter().filter(|kind| kind.create.is_some())
+    }
+
     pub fn world(&self, name: &str) -> Option<&WorldKind> {
         self.worlds.iter().find(|kind| kind.name == name)
     }
@@ -100,7 +105,7 @@ impl Registry {
     pub fn world_without_file(&self, name: &str) -> Option<&WorldKind> {
         match name.split_once(':') {
             Some((kind, _)) => self.world(kind).filter(|kind| kind.open.is_some()),
-            None => self.world(name).filter(|kind| kind.create.is_some()),
+            None => self.named_worlds().find(|kind| kind.name == name),
         }
     }
 

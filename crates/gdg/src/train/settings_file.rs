@@ -99,14 +99,6 @@ fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -
     apply_typed(values, name.trim(), value).map_err(|e| e.at(format!("{source}{shown}: ")))
 }
 
-/// Returns the settings of `preset` overridden by `text`, the contents of a settings file called
-/// `file`.
-pub fn settings_from_text(preset: Preset, file: &str, text: &str) -> Result<Settings> {
-    let mut values = preset.settings().values();
-    apply_text(&mut values, file, text)?;
-    checked(&values)
-}
-
 /// Formats all settings as a JSON object, in the order of [`SETTINGS`].
 pub fn print_settings(settings: &Settings) -> String {
     format!("{:#}\n", Value::Object(settings.values()))
@@ -361,7 +353,7 @@ pub fn reference_page() -> String {
 Set one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as of `--print-config`), or change any of
 them during training with `o`. A change takes effect immediately, unless the last column says otherwise. The
 usual ones come first, with what they do to success early in training, as [measured](research/settings.md).
-Former names still work. This page is printed by `gdg-tui settings`, and one of them by `gdg-tui settings NAME`.
+This page is printed by `gdg-tui settings`, and one of them by `gdg-tui settings NAME`.
 
 Some worlds bring default settings of their own, on top of the presets `default` and `tuned`; `paper` and `sb3`
 stay as published. `--config` and `--set` come last.

@@ -22,7 +22,7 @@ use super::score::Evaluation;
 use super::settings::UpdateWhen;
 use super::visits::Visits;
 use crate::bridge::{BridgeGraph, Candidates, Guide, SearchOutcome};
-use crate::env::{EffectWatch, EnvError, Environment, Episodes, Goals, Spec, TaskSet, WorldScene};
+use crate::env::{EffectWatch, EnvError, Environment, Episodes, Goals, Spec, WorldScene};
 use crate::job::{Job, Stopwatch};
 use crate::learn::{
     Acting, KnownDistances, LearnError, Learner, Losses, Policy, Profile, Relearning, Replay,
@@ -205,8 +205,8 @@ impl Trainer {
         self.visits.scene(self.world())
     }
 
-    /// Returns the share of the agents' latest steps that have moved what has to be moved to the goal;
-    /// `None` where the goal is the whole state.
+    /// Returns the share of the agents' latest steps in which the achieved goal has moved; `None` where
+    /// the goal is the whole state.
     pub fn goal_moved(&self) -> Option<f64> {
         self.rollout.excursions().goal_share().filter(|_| self.acts())
     }
@@ -503,12 +503,6 @@ impl Trainer {
         Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
     }
 
-    /// Draws `per_group` tasks at each distance for an evaluation of the current state,
-    /// independently of the number of earlier evaluations.
-    pub fn tasks(&self, per_group: usize) -> Result<TaskSet> {
-        Ok(self.world().tasks(per_group, &mut self.evaluation_rng(1))?)
-    }
-
     fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
         let mut rng = stream(self.run.seed, RandomStream::Evaluate);
         // Each evaluation and purpose gets its own 2^34 words of the stream.
@@ -528,10 +522,6 @@ impl Trainer {
             task_rng: self.evaluation_rng(1),
             rng: self.evaluation_rng(0),
         })
-    }
-
-    pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
-        Ok(self.evaluation()?.run(tasks)?)
     }
 
     pub fn history(&self) -> &History {

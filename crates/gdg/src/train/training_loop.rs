@@ -29,7 +29,7 @@ pub struct Schedule {
     pub save_every: Option<Duration>,
 }
 
-/// What a front end hears of training, in order.
+/// What has happened in training or is due, as front ends get it, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TrainingEvent {
     /// Training was rolled back to earlier networks.
@@ -67,12 +67,12 @@ impl TrainingLoop {
     /// after it: the edits at its present update, and an evaluation that has not been made.
     pub fn resume(schedule: Schedule, trainer: &Trainer) -> Self {
         let made = trainer.history().evaluations();
-        let mut session = Self { evaluations: made.len(), ..Self::new(schedule) };
+        let mut training_loop = Self { evaluations: made.len(), ..Self::new(schedule) };
         let updates = trainer.counters().updates;
         let is_evaluated = made.last().is_some_and(|(at, _)| *at == updates);
-        session.add_edits(trainer);
-        session.add_evaluations(trainer, updates > 0 && !is_evaluated);
-        session
+        training_loop.add_edits(trainer);
+        training_loop.add_evaluations(trainer, updates > 0 && !is_evaluated);
+        training_loop
     }
 
     /// Returns what is still due, or else runs one tick, unless training is to stop or has reached
@@ -153,6 +153,7 @@ impl TrainingLoop {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::Job;
     use crate::train::{Edit, small_run};
 
     fn trainer() -> Trainer {
@@ -163,14 +164,19 @@ mod tests {
         Edit { updates, world: trainer.world().fork(0).expect("a world") }
     }
 
+    fn evaluate(trainer: &mut Trainer) {
+        let made = trainer.evaluation().expect("one").evaluate(1, &Job::default());
+        trainer.record_evaluation(trainer.moment(), made.expect("a result"));
+    }
+
     fn course(
-        session: &mut TrainingLoop,
+        training_loop: &mut TrainingLoop,
         trainer: &mut Trainer,
         limits: Limits,
     ) -> (Vec<(u64, TrainingEvent)>, EndReason) {
         let mut all = Vec::new();
         loop {
-            match session.next(trainer, &limits).expect("it trains") {
+            match training_loop.next(trainer, &limits).expect("it trains") {
                 TrainingEvent::Ticked(_) => {}
                 TrainingEvent::Ended(reason) => return (all, reason),
                 due => {
@@ -205,16 +211,15 @@ mod tests {
         let schedule =
             Schedule { evaluate: EvaluateAt::EnvSteps(vec![1, 2, 300]), ..Schedule::default() };
         let limits = Limits { env_steps: Some(300), ..Limits::default() };
-        let (mut session, mut trainer) = (TrainingLoop::new(schedule.clone()), trainer());
-        let (all, reason) = course(&mut session, &mut trainer, limits);
+        let (mut training_loop, mut trainer) = (TrainingLoop::new(schedule.clone()), trainer());
+        let (all, reason) = course(&mut training_loop, &mut trainer, limits);
         assert_eq!(
             all.iter().map(|(_, due)| *due).collect::<Vec<_>>(),
             [TrainingEvent::Evaluation; 3]
         );
         assert!((0..2).all(|i| all[i].0 == 0) && all[2].0 == trainer.counters().updates);
         assert!(reason == EndReason::MaxSteps && !trainer.is_update_due());
-        let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
-        trainer.record_evaluation(trainer.moment(), evaluation);
+        evaluate(&mut trainer);
         let resumed = TrainingLoop::resume(schedule, &trainer);
         assert_eq!(resumed.due.len(), 2, "one of three is made");
     }
@@ -232,8 +237,7 @@ mod tests {
         trainer.edits = vec![edit(&trainer, 3)];
         let due = |trainer: &Trainer| TrainingLoop::resume(schedule.clone(), trainer).due;
         assert_eq!(due(&trainer), [TrainingEvent::Edit, TrainingEvent::Evaluation]);
-        let evaluation = trainer.evaluate(&trainer.tasks(1).expect("tasks")).expect("one");
-        trainer.record_evaluation(trainer.moment(), evaluation);
+        evaluate(&mut trainer);
         assert_eq!(due(&trainer), [TrainingEvent::Edit]);
         trainer.job().cancel();
         let ended = TrainingLoop::new(schedule).next(&mut trainer, &Limits::default());

@@ -97,7 +97,7 @@ fn the_same_networks_learn_a_moved_door() {
     assert!(run.world().states().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
     assert!(run.candidates().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
     train_to(&mut run, 6_000);
-    let found = run.evaluate(&run.tasks(20).unwrap()).unwrap();
+    let found = evaluated(&run, 20);
     let planned = found.planned.unwrap().success;
     assert!(planned >= Some(0.9), "planned {planned:?}");
     assert_eq!(found.bridges.unwrap().false_edges, Some(0));

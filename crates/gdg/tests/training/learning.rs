@@ -10,7 +10,7 @@ fn two_rooms_are_learned_and_not_by_frozen_networks() {
     let [[planned, greedy], [idle, greedy_idle]] = [&mut learning, &mut frozen].map(|settings| {
         let mut run = trainer(settings.clone(), 11, 2);
         train_to(&mut run, 4_000);
-        let bridges = run.evaluate(&run.tasks(1).unwrap()).unwrap().bridges.unwrap();
+        let bridges = evaluated(&run, 1).bridges.unwrap();
         assert_eq!(bridges.false_edges, Some(0));
         assert!(bridges.candidates > 10 && bridges.edges > bridges.candidates);
         success(&run, 20)

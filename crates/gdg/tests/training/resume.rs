@@ -1,7 +1,6 @@
 //! Checkpoints: saved runs continue as if they had not been interrupted, and other files are refused.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt;
 
 use super::*;
 
@@ -38,7 +37,7 @@ fn forged_states_do_no_harm() {
     let mut run = trainer(settings(), 7, 1);
     train_to(&mut run, 60);
     let good = train::to_bytes(&run.save().unwrap(), &Job::default()).unwrap();
-    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut rng = rng(1);
     let mut taken = 0;
     for round in 0..300 {
         let bytes = train::with_changed_state(&good, |state| match round % 3 {

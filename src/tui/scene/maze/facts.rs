@@ -1,4 +1,4 @@
-//! What is said of a maze: of a cell, of the scale, and in the legend.
+//! Texts about a maze: about a cell, the scale, and in the legend.
 
 use ratatui::text::{Line, Span};
 

@@ -88,8 +88,7 @@ fn is_borne_out(bridge: &TourBridge, networks: &Networks, map: &Arc<Grid>) -> bo
     let shortest = StepSearch::new(map).steps_from(cell(goal))[map.index(cell(start))];
     let (mut rng, mut scratch) = (ChaCha8Rng::seed_from_u64(0), Scratch::default());
     let mut maze = PointMaze::new(map.clone(), 1);
-    // A maze never fails.
-    let _ = maze.set_full_state(0, &start.map(f64::from));
+    maze.put(0, start);
     let (mut ahead, mut action) = ([goal, over].to_vec(), [0.0; 2]);
     let mut arrives = |_| {
         let Some(aim) = ahead.last() else { return true };

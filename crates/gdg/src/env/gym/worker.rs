@@ -92,7 +92,7 @@ enum Message {
     Step = 4,
 }
 
-/// The facts of a description: name, in words, and whether a run goes on where one is another.
+/// The facts of a description: name, in words, and whether a run goes on if it has changed.
 const FACTS: [(&str, &str, bool); 11] = [
     ("observed", "the number of components of its observations", false),
     ("goal", "the number of components of its goals", false),

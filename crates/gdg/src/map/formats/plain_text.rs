@@ -59,7 +59,7 @@ fn movingai_mark(c: char) -> Option<CellMark> {
 }
 
 /// Returns the marks of `rows`, which begin in line `first` and are to be `width` long, as `because`
-/// says. `help` is what is said of their lengths and of their characters.
+/// says. `help` is that of errors in their lengths and in their characters.
 fn marks_of(
     text: &TextFile,
     (first, rows): (usize, &[&str]),

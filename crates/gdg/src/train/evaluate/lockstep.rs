@@ -7,22 +7,16 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::bridge::{Guide, Walker};
 use crate::env::{EnvError, Environment, Episodes, Evaluated, StraightAction, Task};
-use crate::learn::Scratch;
-
-/// What the evaluated agents act by.
-#[derive(Clone, Copy)]
-pub enum Acts {
-    ByPolicy,
-    /// In random directions, each held for this mean number of steps.
-    AtRandom(f32),
-    Straight(StraightAction),
-}
+use crate::learn::{Acting, Scratch};
+use crate::train::settings::RANDOM_HOLD_STEPS;
 
 /// How the evaluated agents act.
 #[derive(Clone, Copy)]
 pub struct Actor<'a> {
     pub guide: Guide<'a>,
-    pub acts: Acts,
+    pub acting: Acting,
+    /// What acts instead.
+    pub straight: Option<StraightAction>,
     /// Steps within which every goal has to be reached, instead of the task's own budget.
     pub max_steps: Option<u32>,
 }
@@ -103,8 +97,8 @@ pub fn run_tasks(
         if active.is_empty() {
             break;
         }
-        match actor.acts {
-            Acts::ByPolicy => {
+        match (actor.straight, actor.acting) {
+            (None, Acting::Policy) => {
                 states.clear();
                 aims.clear();
                 for agent in &mut active {
@@ -120,12 +114,12 @@ pub fn run_tasks(
                     actions[agent.row(a)].copy_from_slice(action);
                 }
             }
-            Acts::Straight(action) => active.iter().for_each(|agent| {
+            (Some(action), _) => active.iter().for_each(|agent| {
                 action(&env.states()[agent.row(s)], agent.goal, &mut actions[agent.row(a)]);
             }),
-            Acts::AtRandom(hold_steps) => {
+            (None, Acting::AtRandom) => {
                 for agent in &active {
-                    if clock == 0 || rng.random::<f32>() < 1.0 / hold_steps {
+                    if clock == 0 || rng.random::<f32>() < 1.0 / RANDOM_HOLD_STEPS {
                         actions[agent.row(a)].fill_with(|| rng.random_range(-1.0..=1.0));
                     }
                 }

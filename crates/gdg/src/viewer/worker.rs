@@ -201,9 +201,8 @@ impl ViewerWorker {
     fn put(&mut self, at: &[f32]) {
         let Some(world) = &mut self.world else { return };
         let world: &mut dyn Any = &mut **world;
-        if let Some(maze) = world.downcast_mut::<PointMaze>() {
-            // A maze never fails.
-            let _ = maze.set_full_state(0, &[f64::from(at[0]), f64::from(at[1])]);
+        if let (Some(maze), Ok(at)) = (world.downcast_mut::<PointMaze>(), at.try_into()) {
+            maze.put(0, at);
             self.begin();
         } else if let (Some(arm), Ok(at)) = (world.downcast_mut::<FetchReach>(), at.try_into()) {
             arm.put(0, at);
@@ -232,8 +231,7 @@ impl ViewerWorker {
         };
         self.ghost_world = self.map().map(|map| {
             let mut maze = PointMaze::new(map.clone(), 1);
-            // A maze never fails.
-            let _ = maze.set_full_state(0, &[f64::from(at[0]), f64::from(at[1])]);
+            maze.put(0, [at[0], at[1]]);
             maze
         });
         self.view.reach.ghost = self.ghost_world.as_ref().map(|_| Ghost::new(at.clone()));
@@ -262,7 +260,7 @@ impl ViewerWorker {
     }
 
     /// Moves the agent by one step; gives up after too many. At the goal it rests, and then does what
-    /// it shall on arrival.
+    /// [`OnArrival`] says.
     pub fn walk(&mut self) {
         let (Some(goal), Some(world)) = (self.view.goal.0.clone(), &mut self.world) else { return };
         let reach = &mut self.view.reach;
