@@ -10,11 +10,7 @@ use super::catalogue::{Budget, Figure, PUBLISHED_METHODS, Shows, published_on};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::{BridgeTrial, RandomTasks, Walked, draw_walk, field};
 use crate::experiment::plot::{
-<<<<<<< HEAD
-    Axis, Drawable, PAGE, Points, SeedCurves, csv_of, table, write_unless_edited,
-=======
     Drawable, PAGE, Points, SeedCurves, XAxis, csv_of, table, write_unless_edited,
->>>>>>> main
 };
 use crate::experiment::report::markdown_table;
 use crate::experiment::spec::JobResult;

@@ -56,9 +56,6 @@ CLOSING_SECONDS = 0.5
 # How long environments are closed one after another.
 PATIENCE_SECONDS = 0.2
 
-# Signals by which the program saves the run and ends.
-ENDING = signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU
-
 
 class Unsupported(Exception):
     """The environment is not one that the program can use."""
@@ -75,8 +72,9 @@ def begin():
     os.register_at_fork(after_in_child=cut)
     # Batch systems send these to all processes of a job: the program saves the run, and ends this one. What
     # environments start ends by them as usual: programs inherit no handlers, and forks get the usual ones.
+    ending = signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU
     outlive = lambda *_: None
-    usual = {number: signal.signal(number, outlive) for number in ENDING}
+    usual = {number: signal.signal(number, outlive) for number in ending}
     own = lambda: (pair for pair in usual.items() if signal.getsignal(pair[0]) is outlive)
     os.register_at_fork(after_in_child=lambda: [signal.signal(*pair) for pair in own()])
 

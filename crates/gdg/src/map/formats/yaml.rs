@@ -183,7 +183,7 @@ impl Node<'_> {
         let Value::Map(entries) = &self.value else { return Err(missing()) };
         let mut own = entries.iter().filter(|(name, _)| name == key).map(|(_, value)| value);
         let found = own.next().ok_or_else(missing)?;
-        let again = |own: &Self| text.error_at(own.place, format!("a second {key}"), help);
+        let again = |own: &Self| text.error_at(own.place, format!("a second key {key}"), help);
         own.next().map_or(Ok(found), |own| Err(again(own)))
     }
 
