@@ -123,7 +123,7 @@ fn check_name(name: &str, methods: &[String]) -> Result<(), Report> {
     Ok(())
 }
 
-/// Returns `name=value` as lists of settings have it; as it is if it cannot be used.
+/// Returns `name=value` as written in lists of settings; unchanged if it is not valid.
 fn as_listed(text: String) -> String {
     let (name, value) = text.split_once('=').unwrap_or_default();
     let settings = with_setting(&Settings::default(), name, value);

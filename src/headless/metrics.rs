@@ -107,7 +107,7 @@ fn of(trainer: &Trainer) -> String {
 /// The table of a run in a file, which is replaced whenever there is more.
 pub struct MetricsFile {
     given: PathBuf,
-    /// Where it is, and what is there, which alone is replaced.
+    /// Its path, and its text as last written: a file with another text is not replaced.
     path: PathBuf,
     text: Option<String>,
     written: Instant,

@@ -37,8 +37,8 @@ impl RunProgress {
         Self { bar, limits: *limits, began: (Stopwatch::start(), seconds), shown: None }
     }
 
-    /// Returns the estimated seconds until training ends, if that can be told. What is not training,
-    /// above all evaluations, goes on to take its share.
+    /// Returns the estimated seconds until training ends, if that can be estimated. What is not
+    /// training, above all evaluations, is assumed to keep its share of the time.
     pub fn seconds_left(&self, trainer: &Trainer) -> Option<f64> {
         let (began, before) = self.began;
         let share = (trainer.seconds() - before) / began.elapsed().as_secs_f64();

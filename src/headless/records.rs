@@ -31,7 +31,7 @@ pub enum Record {
         path: String,
     },
     Recovery(Recovery),
-    /// What the user is told, and when.
+    /// A warning for the user, and when it came.
     Warning(Value),
     End {
         reason: EndReason,

@@ -55,7 +55,7 @@ pub trait Interface {
 pub struct ClosedRun {
     /// The text left on the terminal.
     pub summary: String,
-    /// What it says about files: what is saved, and what is not.
+    /// The part of it about files: what is saved, and what is not.
     pub files: String,
     /// Result of the final save, if one was requested.
     pub saved: Result<(), Report>,

@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 927),
     ("experiment", 5_586),
-    ("tui", 19_325),
+    ("tui", 19_324),
     ("cli", 636),
     ("commands", 976),
 ];

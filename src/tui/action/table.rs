@@ -71,7 +71,7 @@ const fn tool(action: A, name: &'static str, keys: Keys) -> Binding {
     edit(action, name, keys).within(Mode::Editing)
 }
 
-/// A row for an action on a list of runs, which knows what it does.
+/// A row for an action on a list of runs, which `act_on_list` in `runs.rs` performs.
 const fn on_runs(action: ListAction, name: &'static str, keys: Keys) -> Binding {
     bind(A::List(action), name, keys, |_, _| {}).within(Mode::Listing)
 }

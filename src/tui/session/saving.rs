@@ -328,8 +328,7 @@ impl Session {
             (snapshot.counters, snapshot.seconds) = (trainer.counters(), trainer.seconds());
         }
         let to = match (&snapshot.saved, &shown.saved) {
-            // A save that the screen has not seen any more was the run's first: the file is its own
-            // by now.
+            // The run was first saved after the screen's last snapshot: the file is its own.
             (Some((_, path)), None) => SaveTo::Replace(path.to_path_buf()),
             _ => saver.to,
         };

@@ -180,7 +180,7 @@ pub fn look_at_curves(cx: &mut Cx, at: f64) {
     look_at(cx, nearest);
 }
 
-/// Returns to the present for what is about it, and says so.
+/// Returns to the present, for an action that is about it, and says so.
 pub fn leave_past(cx: &mut Cx) {
     if cx.screen.return_to_present() {
         cx.screen.say("back in the present");

@@ -178,7 +178,7 @@ impl Gym {
         Ok(own)
     }
 
-    /// Warns where the environment has told otherwise of its own goal than the goal radius says.
+    /// Warns if the environment says otherwise than the goal radius whether a goal is reached.
     fn compare(&self, state: &[f32], goal: &[f32], told: bool) {
         let (radius, distance) = (self.spec().goal_radius, self.spec().goal_distance(state, goal));
         let by = if told { distance / radius - 1.0 } else { 1.0 - distance / radius };

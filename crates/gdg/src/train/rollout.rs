@@ -242,7 +242,7 @@ impl Rollout {
                 context.candidates.end_episode(i);
             }
         }
-        // The others' steps are kept even if one agent cannot go on.
+        // The others' steps are kept even if one agent's next episode cannot begin.
         let mut went_on = Ok(());
         for (i, has_ended) in ended.into_iter().enumerate() {
             self.agents[i].steps = self.agents[i].steps.saturating_add(1);

@@ -227,8 +227,8 @@ pub struct Reach {
     pub ghost: Option<Ghost>,
 }
 
-/// How far from one place the actor may move, in goal radii, to be said to stand there: what it has
-/// learned changes, and it with that.
+/// Distance from a place, in goal radii, within which the actor counts as standing there: as it still
+/// learns, it may move a little.
 const STANDS_WITHIN: f32 = 3.0;
 
 /// The actor alone on its way from the same start to the same goal.

@@ -163,7 +163,7 @@ impl<'a> YamlReader<'a> {
         Ok(Some(Node { place, value }))
     }
 
-    /// Returns a value as it is in the text, if it is, instead of a copy: a map may have millions.
+    /// Returns a value as a part of the text, if it is one, instead of a copy: a map may have millions.
     fn borrowed(&self, at: TextPosition, value: Cow<'a, str>) -> Cow<'a, str> {
         let line = self.text.lines.get(at.line);
         let written = line.and_then(|line| line.get(at.column..)?.get(..value.len()));

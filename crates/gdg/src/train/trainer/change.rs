@@ -166,9 +166,9 @@ impl Trainer {
         Ok(KeptState { networks, agents })
     }
 
-    /// Takes the scales of what is not the goal from what agents have met by now, each time that they
-    /// have made twice as many steps: what has to be touched first moves in no first look. Networks
-    /// are converted; what they say stays the same.
+    /// Fits the scales of state components outside the goal to the agents' steps whenever their number
+    /// has doubled: an object that has to be touched first does not move in the first look. Networks
+    /// are converted; their outputs stay the same.
     pub(super) fn rescale(&mut self, steps_before: u64) -> Result<()> {
         let first = self.run.settings.train.learning_starts.max(1);
         let doublings = |steps: u64| (steps / first).checked_ilog2();

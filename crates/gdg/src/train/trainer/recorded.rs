@@ -20,7 +20,7 @@ const REPLAY: &str = "replay";
 pub(super) struct Data {
     source: DataSource,
     acts: bool,
-    /// Room in the replay buffer if a checkpoint contains it, as it is no longer what the file has.
+    /// Room in the replay buffer if a checkpoint contains the buffer, which differs from the file.
     own_replay: Option<usize>,
     /// What the file was like when it was read.
     #[serde(skip)]
