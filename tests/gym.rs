@@ -4,6 +4,7 @@
 //! interpreter, as `.ci/run` does; some need gymnasium-robotics and mujoco as well.
 
 use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -1064,6 +1065,46 @@ fn all_that_environments_start_ends_with_the_program_however_that_ends() {
         let closed = started.iter().filter(|line| *line == "closed").count();
         let all = (started.len() - closed) / 5;
         assert_eq!(closed, if signal.is_none() { all } else { 0 }, "of {all}");
+    }
+}
+
+/// Batch systems signal all processes of a job.
+#[cfg(target_os = "linux")]
+#[test]
+#[ignore = "needs Python with numpy and gymnasium"]
+fn a_signal_to_all_processes_saves_the_run_in_the_middle_of_episodes() {
+    for (name, status) in [("TERM", 143), ("INT", 130), ("USR1", 138)] {
+        let folder = tempfile::tempdir().unwrap();
+        let args = ["--max-updates", "100000", "--save", "run.safetensors"];
+        let mut program = train(folder.path(), "Simulator", &args)
+            .env("AWKWARD_AFTER", "1000000000")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut out = BufReader::new(program.stdout.take().unwrap());
+        let mut line = String::new();
+        while !line.contains("\"event\":\"progress\"") {
+            line.clear();
+            assert!(out.read_line(&mut line).unwrap() > 0, "nothing is trained");
+        }
+        let children = format!("/proc/{0}/task/{0}/children", program.id());
+        for worker in std::fs::read_to_string(children).unwrap().split_whitespace() {
+            kill(worker.parse().unwrap(), name);
+        }
+        // The program may be told later.
+        std::thread::sleep(Duration::from_millis(100));
+        kill(program.id(), name);
+        std::io::copy(&mut out, &mut std::io::sink()).unwrap();
+        let output = program.wait_with_output().unwrap();
+        let errors = stderr(&output);
+        assert_eq!(output.status.code(), Some(status), "{errors}");
+        let is_saved = errors.contains("the run is saved to run.safetensors");
+        assert!(is_saved && !errors.contains("has ended"), "{errors}");
+        let mut resumed = resume(folder.path(), "run.safetensors", &["--max-updates", "1"]);
+        let resumed = resumed.output().unwrap();
+        assert!(resumed.status.success(), "{}", stderr(&resumed));
+        assert!(!stderr(&resumed).contains("new episodes"), "{}", stderr(&resumed));
     }
 }
 

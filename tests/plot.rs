@@ -105,11 +105,74 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())
     );
-    // What ends between a figure and the table leaves nothing that counts as edited.
+    // Where one of several cannot be written, none takes its place.
+    plot(folder.path(), &["a.jsonl", "--out", "cut.svg"]).success();
+    let before = ["cut.svg", "cut.csv"].map(file);
     let cut = ["c.jsonl", "--out", "cut.svg", "--out", "a.jsonl/cut.png"];
-    let statuses = [&["a.jsonl", "--out", "cut.svg"][..], &cut, &cut[..3]]
-        .map(|args| plot(folder.path(), args).status);
-    assert_eq!(statuses, [0, 2, 0].map(Some));
+    assert_eq!(plot(folder.path(), &cut).status, Some(2));
+    assert_eq!(["cut.svg", "cut.csv"].map(file), before);
+    // What ends between a figure and the table, which is gone by then, leaves nothing that counts as edited.
+    std::fs::remove_file(folder.path().join("cut.csv")).unwrap();
+    plot(folder.path(), &cut[..3]).success();
+}
+
+#[test]
+fn means_that_end_early_and_runs_that_nothing_tells_apart_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: String| std::fs::write(folder.path().join(name), text).unwrap();
+    for (name, seed, evaluations) in [("a", 1, 4), ("b", 1, 2), ("c", 2, 3)] {
+        write(&format!("{name}.jsonl"), records("her", seed, evaluations, 0.5, &json!({})));
+    }
+    // Named twice, read once.
+    let done = plot(folder.path(), &[".", "a.jsonl", "--out", "f.svg"]);
+    done.success();
+    let alike = "left out, as another run has the same method, map, settings and seed: ./b.jsonl\n";
+    let short = "her: the mean ends after 300 of 400 updates, as seed 2 does\n";
+    has_parts(&done.err, &[&alike.replace("./", ""), short]);
+    let table = rows(&folder.path().join("f.csv"));
+    let seeds = ["1", "2"].map(|seed| table.iter().filter(|row| row[2] == seed).count());
+    assert_eq!(seeds, [4, 3]);
+}
+
+/// Two programs may append to one file, and a line that was cut off is glued to the next.
+#[test]
+fn records_of_another_run_are_left_out_with_what_follows() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = records("her", 1, 4, 0.5, &json!({}));
+    let own: Vec<&str> = text.lines().collect();
+    let text = records("her", 2, 4, 1.0, &json!({}));
+    let other: Vec<&str> = text.lines().collect();
+    let end = r#"{"event":"end","reason":"max-updates","seconds":6.0,"updates":400}"#;
+    let later = own[2].replace("300", "600").replace("200", "500");
+    let torn = own[2][..40].to_owned() + other[0];
+    let of_another = "of another run, as this one has ended or is further on";
+    let early = own[2].replace("\"seconds\":3.0", "\"seconds\":1.0");
+    for (lines, drawn, problem) in [
+        // Both began, and wrote in turn.
+        (&[own[0], other[0], other[1], own[1], other[2], own[2]][..], 1, of_another),
+        (&[own[0], own[1], own[2], other[1], own[3]], 2, of_another),
+        (&[own[0], own[1], &early, own[3]], 1, of_another),
+        (&[own[0], own[1], own[2], end, &later], 2, of_another),
+        (&[own[0], own[1], &torn, other[2], other[3]], 1, "not a record: not JSON"),
+        // Without a start within, the line alone is missing, as where the disk was full for a while.
+        (&[own[0], own[1], &own[2][..40], own[3]], 2, "not a record: not JSON"),
+    ] {
+        std::fs::write(folder.path().join("a.jsonl"), lines.join("\n") + "\n").unwrap();
+        let done = plot(folder.path(), &["a.jsonl", "--out", "f.svg"]);
+        done.success();
+        let table = rows(&folder.path().join("f.csv"));
+        assert_eq!(table.iter().filter(|row| row[2] != "mean").count(), 1 + drawn, "{lines:?}");
+        has_parts(&done.err, &[problem, "left out"]);
+        let rest = done.err.contains("and what follows in this run: left out");
+        assert_eq!(rest, lines.iter().all(|line| line.len() != 40), "{}", done.err);
+    }
+    // The next start begins anew.
+    let lines = [own[0], own[1], end, own[2], other[0], other[1], other[2]];
+    std::fs::write(folder.path().join("a.jsonl"), lines.join("\n") + "\n").unwrap();
+    let done = plot(folder.path(), &["a.jsonl", "--out", "f.svg"]);
+    done.success();
+    assert_eq!(done.err.matches("a.jsonl:4: of another run").count(), 1, "{}", done.err);
+    assert_eq!(rows(&folder.path().join("f.csv")).iter().filter(|row| row[2] == "2").count(), 2);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use miette::{IntoDiagnostic, Report};
 use crate::cli::{ExportArgs, ExportPolicyArgs};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::{refuse_existing, write_file};
+use crate::setup::outputs::{prepare_file, refuse_existing};
 use gdg::files;
 use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};
 
@@ -31,7 +31,7 @@ fn export(
     let registry = registry.clone().only_reading();
     let loaded = load_with(checkpoint, &registry, 1, &reading);
     drop(reading);
-    write_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?)?)
+    prepare_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?)?)?()
 }
 
 /// Writes the transitions of a checkpoint's replay buffer.

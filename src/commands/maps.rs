@@ -8,7 +8,7 @@ use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::process::errors::from_map_error;
 use crate::process::waiting::Waiting;
 use crate::setup::find_maps::{find_map, warnings};
-use crate::setup::outputs::{refuse_existing, refuse_input, write_file};
+use crate::setup::outputs::{prepare_file, refuse_existing, refuse_input};
 use gdg::map::{
     self, BUILTIN, Diameter, FORMATS, Grid, MapFormat, MapScale, Reading, ScenarioTask, print_ascii,
 };
@@ -21,14 +21,13 @@ fn list() -> String {
     measuring.begin(0, 1);
     let head =
         format!("{:<28}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
-    let maps = BUILTIN.iter().enumerate();
-    let lines =
-        maps.filter_map(|(i, (name, _))| Some((i, map::builtin(name)?))).map(|(i, grid)| {
-            measuring.set(i, BUILTIN.len());
-            let size = format!("{}x{}", grid.width(), grid.height());
-            let farthest = describe_diameter(Diameter::compute(&grid));
-            format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
-        });
+    let maps = (0..).zip(BUILTIN).filter_map(|(i, (name, _))| Some((i, map::builtin(name)?)));
+    let lines = maps.map(|(i, grid)| {
+        measuring.set(i, BUILTIN.len());
+        let size = format!("{}x{}", grid.width(), grid.height());
+        let farthest = describe_diameter(Diameter::compute(&grid));
+        format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
+    });
     std::iter::once(head).chain(lines).collect()
 }
 
@@ -66,7 +65,8 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
     for loss in losses(args, &grid, format)? {
         eprint_line(&format!("{}: {loss}", sanitized(grid.name())));
     }
-    files.iter().map(|(path, bytes)| write_file(path, bytes)).collect()
+    let written = files.iter().map(|(path, bytes)| prepare_file(path, bytes));
+    written.collect::<Result<Vec<_>, _>>()?.into_iter().map(|place| place()).collect()
 }
 
 fn with_tasks(grid: &Grid, tasks: Vec<ScenarioTask>) -> Grid {

@@ -13,7 +13,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::spec::{JobResult, JobSpec};
 use crate::figure::{table_behind, text_with_sums};
-use crate::setup::outputs::{elsewhere, write_file};
+use crate::setup::outputs::{elsewhere, prepare_file};
 use gdg::files::{self, FileFormat, LockFile, Mismatch, Wanted, has_extension, is_hidden};
 use gdg::printing::eprint_line;
 use gdg::text::{escape_json_line, sanitized};
@@ -71,7 +71,7 @@ impl Folder {
     }
 
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
-        write_file(&self.path(name), bytes).map(drop)
+        prepare_file(&self.path(name), bytes)?().map(drop)
     }
 
     /// Writes the report; says so and leaves the one there if this program has not written it like that.

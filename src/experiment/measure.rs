@@ -169,10 +169,9 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
         let mut distances = vec![0.0; cells.len()];
         policy.distances(from, to, &mut distances, &mut Scratch::default());
         let mut all = vec![None; map.free().len()];
-        cells
-            .iter()
-            .zip(distances)
-            .for_each(|(cell, distance)| all[map.index(*cell)] = hundredths(distance));
+        for (cell, distance) in cells.iter().zip(distances) {
+            all[map.index(*cell)] = hundredths(distance);
+        }
         all
     };
     Ok(BridgeTrial {

@@ -14,7 +14,7 @@ use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, MOST_BYTES, Sheet, table_behind};
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::{refuse_existing, write_file};
+use crate::setup::outputs::{prepare_file, refuse_existing};
 use gdg::files::{named, read, while_locked};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
@@ -275,22 +275,23 @@ fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(
     refuse_existing(table, overwrite || found.is_some() && known.any(|known| known == found))
 }
 
-/// Writes figures and the table behind them, which is removed first: killed in between, the program
-/// would take it for edited. Returns a line for each.
+/// Writes figures and the table behind them, and has all take their places if that succeeds; first the
+/// old table goes: killed in between, the program would take it for edited. Returns a line for each.
 fn write_with_table(
     figures: &[PathBuf],
     (table, rows): (&Path, &[u8]),
     sheet: &Sheet,
 ) -> Result<String, Report> {
-    let encode = |path: &PathBuf| {
-        FigureFormat::of(path).unwrap_or(FigureFormat::Svg).encode_with_table(sheet, rows)
-    };
-    let encoded = figures.iter().map(encode).collect::<Result<Vec<_>, _>>()?;
+    let mut written = Vec::new();
+    for path in figures {
+        let format = FigureFormat::of(path).unwrap_or(FigureFormat::Svg);
+        written.push(prepare_file(path, &format.encode_with_table(sheet, rows)?)?);
+    }
+    written.push(prepare_file(table, rows)?);
     if table.exists() {
         std::fs::remove_file(table).into_diagnostic()?;
     }
-    let files = figures.iter().zip(&encoded).map(|(path, figure)| write_file(path, figure));
-    files.chain(std::iter::once_with(|| write_file(table, rows))).collect()
+    written.into_iter().map(|place| place()).collect()
 }
 
 /// Writes figures and the table behind them to the folder of an experiment. If somebody has edited one
@@ -411,31 +412,6 @@ mod tests {
             std::fs::write(folder.path().join("a.jsonl"), text).expect("a file");
             assert_eq!(drawn(&[folder.path().join("a.jsonl")]).0, expected);
         }
-    }
-
-    #[test]
-    fn a_mean_that_ends_with_its_shortest_seed_says_so() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let files = [(json!({}), &[1, 3][..]), (json!({"seed": 2}), &[1])];
-        let files = files
-            .map(|(seed, at)| record(folder.path(), &format!("{}.jsonl", at.len()), &seed, at, ""));
-        assert_eq!(
-            drawn(&files).1,
-            ["her: the mean ends after 1000 of 3000 updates, as seed 2 does"]
-        );
-    }
-
-    #[test]
-    fn of_runs_that_nothing_tells_apart_the_longest_is_drawn_and_the_others_are_named() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let run =
-            |file: &str, at: &[u64]| record(folder.path(), file, &json!({}), at, "a.safetensors");
-        let files = [run("a.jsonl", &[1, 3]), run("b.jsonl", &[2, 4]), run("c.jsonl", &[])];
-        let (rows, notes) = drawn(&[&files[..], &files[1..2]].concat());
-        assert_eq!(rows, ["her 1 2000", "her 1 4000"]);
-        let note = notes.join(" ");
-        assert!(note.contains("left out") && note.contains("a.jsonl"), "{note}");
-        assert!(!note.contains("b.jsonl"), "named twice, read once: {note}");
     }
 
     #[test]

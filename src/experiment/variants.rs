@@ -139,6 +139,10 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
             let help = "--sweep hidden=32,64,128";
             return Err(miette!(help = help, "--sweep {sweep}: not SETTING=VALUE,VALUE"));
         };
+        if all.iter().flatten().any(|set: &String| set.starts_with(&format!("{name}="))) {
+            let help = format!("give all values at once: --sweep {name}=32,64,128");
+            return Err(miette!(help = help, "--sweep {sweep}: the second one of {name}"));
+        }
         // Values may be lists themselves; names of choices are no JSON.
         let settings: Vec<String> = match serde_json::from_str::<Vec<Value>>(&format!("[{values}]"))
         {
@@ -147,12 +151,10 @@ fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
         };
         // A value may be written in several ways, as 16 and 1_6: one job has one name.
         let settings: Vec<String> = settings.into_iter().map(as_listed).collect();
-        let with = |before: &Vec<String>| {
-            // The last sweep of a setting wins, as the last value does.
-            let before = before.iter().filter(|set| !set.starts_with(&format!("{name}="))).cloned();
-            settings.iter().map(|own| before.clone().chain([own.clone()]).collect()).collect()
+        let with = |before: &Vec<String>| -> Vec<Vec<String>> {
+            settings.iter().map(|own| [&before[..], std::slice::from_ref(own)].concat()).collect()
         };
-        all = all.iter().flat_map(|before| -> Vec<Vec<String>> { with(before) }).collect();
+        all = all.iter().flat_map(with).collect();
     }
     Ok(all)
 }
@@ -251,10 +253,13 @@ mod tests {
             ),
             (&["loss=sqrt, mse"], &["loss=sqrt", "loss=mse"]),
             (&["expectile=.5,5e-1"], &["expectile=0.5", "expectile=0.5"]),
-            (&["hidden=16", "hidden=3_2,64"], &["hidden=32", "hidden=64"]),
         ] {
             assert_eq!(of(sweeps).expect("settings"), expected);
         }
-        assert!(of(&["hidden"]).is_err_and(|error| error.contains("not SETTING=VALUE")));
+        for (sweeps, problem) in
+            [(&["hidden"][..], "not SETTING=VALUE"), (&["tau=1", "tau=2"], "the second one of tau")]
+        {
+            assert!(of(sweeps).is_err_and(|error| error.contains(problem)));
+        }
     }
 }

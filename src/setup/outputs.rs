@@ -29,17 +29,11 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
     }
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
-        let file = path.display();
-        return Err(miette!(
-            help = help,
-            "{file}: is not a checkpoint of gdg-tui: it is not replaced"
-        ));
+        let problem = "is not a checkpoint of gdg-tui: it is not replaced";
+        return Err(miette!(help = help, "{}: {problem}", path.display()));
     }
-    Ok(if own || overwrite {
-        SaveTo::Replace(path.to_owned())
-    } else {
-        SaveTo::CreateNew(path.to_owned())
-    })
+    let to = if own || overwrite { SaveTo::Replace } else { SaveTo::CreateNew };
+    Ok(to(path.to_owned()))
 }
 
 /// Checks that the output file of an `option` is not one of the command's inputs.
@@ -85,13 +79,18 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     Err(miette!(help = help, "{}: the file already exists", path.display()))
 }
 
-/// Writes a file and the folders that it is in; returns a line that says where.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<String, Report> {
-    files::write_atomically(path, bytes).map_err(|error| {
+/// Writes a file, and the folders that it is in, under another name; returns what gives it its own, and
+/// returns a line that says where: of several files, all are written before any is replaced.
+pub fn prepare_file<'a>(
+    path: &'a Path,
+    bytes: &[u8],
+) -> Result<impl FnOnce() -> Result<String, Report> + use<'a>, Report> {
+    let failed = |error: std::io::Error| {
         let help = "give --out a file in a writable folder";
         miette!(help = help, "{}: cannot be written: {error}", path.display())
-    })?;
-    Ok(format!("{}\n", path.display()))
+    };
+    let place = files::prepare(path, bytes).map_err(failed)?;
+    Ok(move || place().map_err(failed).map(|()| format!("{}\n", path.display())))
 }
 
 /// Returns where a file that cannot be saved to `path` goes instead: beside it, as the file itself may

@@ -259,9 +259,8 @@ fn samples_of_each_format_are_the_same_maze() {
         (
             &[
                 "digits.txt",
-                "digits-one-line.txt",
                 "numbers-numpy.txt",
-                "numbers-trailing-comma.csv",
+                "numbers-padded-trailing-comma.csv",
                 "numbers-savetxt.txt",
                 "grey-alpha.png",
                 "grey16.png",

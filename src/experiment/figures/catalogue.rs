@@ -171,15 +171,6 @@ pub enum Budget {
     Paper,
 }
 
-impl Budget {
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Quick => "quick",
-            Self::Paper => "paper",
-        }
-    }
-}
-
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
     pub name: &'static str,

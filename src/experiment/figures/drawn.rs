@@ -2,6 +2,7 @@
 //! distances, plans and paths (Figures 2 and 5); as data, as drawings, and in the report, with the
 //! paper's results beside ours.
 
+use clap::ValueEnum;
 use miette::Report;
 
 use super::MethodRuns;
@@ -272,7 +273,8 @@ pub fn head(names: &[String], budget: Budget, of_paper: bool, missing: &[&str]) 
     } else {
         ("OGBench's point mazes", "")
     };
-    let (version, names, budget) = (env!("CARGO_PKG_VERSION"), names.join(" "), budget.name());
+    let budget = budget.to_possible_value().unwrap_or_default();
+    let (version, names, budget) = (env!("CARGO_PKG_VERSION"), names.join(" "), budget.get_name());
     let mut out = format!(
         "# {title}\n\nMade by gdg-tui {version} with `gdg-tui reproduce {names} --budget {budget}`, \
          and what else the tables say of each run. Lines are means over seeds, bands reach from the \

@@ -11,7 +11,7 @@ use super::{
     HELP, QUIET, RunState, SavedRun, Stamp, UNKNOWN, checksum, facts, is_recent, stamp, unreadable,
 };
 use crate::experiment::spec::setting_text;
-use crate::headless::records::{Record, Start};
+use crate::headless::records::{Progress, Record, Start};
 use gdg::files::{FileFormat, Mismatch, Wanted, open};
 use gdg::text::sanitized;
 use gdg::train::EndReason;
@@ -24,6 +24,10 @@ const MOST_BEFORE_RUNS: u64 = 1 << 20;
 
 const RECORDS: Wanted =
     Wanted { name: "records of a run", help: HELP, own: &[FileFormat::Json, FileFormat::Text] };
+
+const START: &[u8] = b"\"event\":\"start\"";
+
+const OF_ANOTHER: &str = ": of another run, as this one has ended or is further on";
 
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
@@ -52,13 +56,24 @@ impl SavedRun {
         }
     }
 
-    fn add(&mut self, record: Record) {
+    /// Adds a record, written `at` a time, unless it cannot be of this run: another may write to the
+    /// same file. Older records do not say when: 0.
+    fn add(&mut self, record: Record, at: &Progress) -> Result<(), String> {
+        let before = match &record {
+            Record::Progress(_) => self.progress.updates,
+            Record::Evaluation(_) => self.evaluations.last().map_or(0, |at| at.updates),
+            _ => 0,
+        };
+        let is_next = at.updates == 0 || at.updates > before && at.updates >= self.updates;
+        let is_back = at.seconds > 0.0 && at.seconds < self.progress.seconds;
+        if self.end.is_some() || is_back || !is_next {
+            return Err(OF_ANOTHER.to_owned());
+        }
+        self.updates = self.updates.max(at.updates);
+        self.progress.seconds = self.progress.seconds.max(at.seconds);
         match record {
-            Record::Progress(now) => (self.updates, self.progress) = (now.updates, now),
-            Record::Evaluation(at) => {
-                self.updates = at.updates;
-                self.evaluations.push(*at);
-            }
+            Record::Progress(now) => self.progress = now,
+            Record::Evaluation(at) => self.evaluations.push(*at),
             Record::Edit { updates, fingerprint, change, .. } => {
                 let map = || Some(change.facts.get("map")?.as_str()?.to_owned());
                 let to = fingerprint.map(|own| checksum(&own)).or_else(map);
@@ -67,13 +82,13 @@ impl SavedRun {
                 self.edits.push((updates, to.unwrap_or_else(|| UNKNOWN.to_owned())));
             }
             Record::Saved { path, .. } => self.checkpoint = Some(found_from(&self.source, path)),
-            Record::End { reason, updates, .. } => {
+            Record::End { reason, .. } => {
                 let interrupted = reason == EndReason::Interrupted;
                 self.end = Some(if interrupted { RunState::Interrupted } else { RunState::Done });
-                self.updates = updates;
             }
             Record::Start(_) | Record::Recovery(_) | Record::Warning(_) | Record::Other => {}
         }
+        Ok(())
     }
 }
 
@@ -90,10 +105,13 @@ fn found_from(records: &Path, path: String) -> PathBuf {
 /// has been read before is not read again.
 ///
 /// Leaves out lines that are no records, as a full disk or a second writer may have damaged them.
+#[derive(Default)]
 pub struct RecordsReader {
     path: PathBuf,
     runs: Vec<SavedRun>,
     problem: Option<String>,
+    /// Whether what follows may be another run's, up to the next start.
+    is_mixed: bool,
     /// Lines and bytes read.
     lines: u64,
     read: u64,
@@ -103,8 +121,7 @@ pub struct RecordsReader {
 
 impl RecordsReader {
     pub fn new(path: &Path) -> Self {
-        let path = path.to_owned();
-        Self { path, runs: Vec::new(), problem: None, lines: 0, read: 0, first: Vec::new() }
+        Self { path: path.to_owned(), ..Self::default() }
     }
 
     /// Reads what is new; all of a file that has shrunk or begins otherwise than before.
@@ -151,7 +168,12 @@ impl RecordsReader {
                 Err(found) => {
                     let own =
                         self.runs.last_mut().map_or(&mut self.problem, |run| &mut run.problem);
-                    own.get_or_insert(format!(":{}{found}", self.lines + 1));
+                    // A line that was cut off may have the next run's start within.
+                    self.is_mixed =
+                        found == OF_ANOTHER || line.windows(START.len()).any(|part| part == START);
+                    let rest = if self.is_mixed { ", and what follows in this run" } else { "" };
+                    let problem = format!(":{}{found}{rest}", self.lines + 1);
+                    *own = own.take().filter(|_| !self.is_mixed).or(Some(problem));
                 }
                 Ok(()) if length == 0 => break,
                 Ok(()) => {}
@@ -169,12 +191,16 @@ impl RecordsReader {
         match (serde_json::from_slice(text), self.runs.last_mut()) {
             _ if text.is_empty() => {}
             (Ok(Record::Start(start)), _) => {
+                self.is_mixed = false;
                 self.runs.push(SavedRun::begun(*start, &self.path));
             }
+            _ if self.is_mixed => {}
             (Ok(Record::Evaluation(at)), _) if !at.is_possible() => {
                 return Err(": not a record: impossible numbers".into());
             }
-            (Ok(record), Some(run)) => run.add(record),
+            (Ok(record), Some(run)) => {
+                return run.add(record, &serde_json::from_slice(text).unwrap_or_default());
+            }
             (Ok(Record::Evaluation(_)), None) => {
                 return Err(":1: an evaluation before any start record".into());
             }

@@ -300,7 +300,7 @@ mod tests {
             };
             let found = read(line.to_owned() + "\n");
             assert_eq!((found.is_damaged(), &found.problem), (true, &Some(format!(":1{problem}"))));
-            let found = read(records(1_000) + line + "\n{\"event\":\"progress\",\"updates\":9}\n");
+            let found = read(records(1) + line + "\n{\"event\":\"progress\",\"updates\":9}\n");
             assert_eq!(found.updates, 9, "the others are read");
             assert_eq!(found.note(), Some(format!("{}:3{problem}: left out", file.display())));
         }

@@ -82,6 +82,7 @@ enum Advice {
 }
 
 const UNPACK: Advice = Advice::Instead("unpack it first, and give the file within");
+const UNDOTTED: Advice = Advice::Instead("give the file without ._ in its name");
 const NUMPY: Advice = Advice::First("its arrays have to be written in another format");
 
 /// First bytes of files of other programs.
@@ -100,11 +101,7 @@ const FOREIGN: [(&[u8], &str, Advice); 15] = [
     (b"\xfd7zXZ", "a compressed file or archive (XZ)", UNPACK),
     (b"\x28\xb5\x2f\xfd", "a compressed file or archive (ZSTD)", UNPACK),
     (b"PK\x03\x04", "a compressed file or archive (ZIP)", UNPACK),
-    (
-        b"\0\x05\x16\x07",
-        "what macOS notes about another file",
-        Advice::Instead("give the file without ._ in its name"),
-    ),
+    (b"\0\x05\x16\x07", "what macOS notes about another file", UNDOTTED),
 ];
 
 /// Returns what a file with these first bytes is, or `None` if that is unknown.
@@ -158,27 +155,21 @@ fn own_text(start: &[u8]) -> Option<Kind> {
     let text = String::from_utf8_lossy(start).to_ascii_lowercase();
     let mut words = text.split_whitespace();
     let has = |part: &str| text.contains(part);
+    let foreign = |name, advice| (name, FileFormat::Foreign, Advice::Instead(advice));
     Some(match (words.next()?, words.next().unwrap_or_default()) {
-        ("version", address) if address.starts_with("https://") => (
+        ("version", address) if address.starts_with("https://") => foreign(
             "a Git LFS pointer, which stands for the file",
-            FileFormat::Foreign,
-            Advice::Instead(
-                "run 'git lfs pull' in its repository, which puts the file itself in its place",
-            ),
+            "run 'git lfs pull' in its repository, which puts the file itself in its place",
         ),
-        (path, _) if path.contains("/annex/objects/") => (
+        (path, _) if path.contains("/annex/objects/") => foreign(
             "a git-annex pointer, which stands for the file",
-            FileFormat::Foreign,
-            Advice::Instead("run 'git annex get FILE', which puts the file itself in its place"),
+            "run 'git annex get FILE', which puts the file itself in its place",
         ),
         ("version", _) => ("a scenario", FileFormat::Scenario, Advice::None),
         ("type", "octile") => ("a map in Moving AI format", FileFormat::Map, Advice::None),
-        _ if text.starts_with('<') && (has("<html") || has("<!doctype html")) => (
+        _ if text.starts_with('<') && (has("<html") || has("<!doctype html")) => foreign(
             "a web page (HTML)",
-            FileFormat::Foreign,
-            Advice::Instead(
-                "open it in a browser: it may say why the file could not be downloaded",
-            ),
+            "open it in a browser: it may say why the file could not be downloaded",
         ),
         _ if text.starts_with('<') => ("XML", FileFormat::Foreign, Advice::None),
         _ if text.starts_with('{') => ("JSON", FileFormat::Json, Advice::None),

@@ -21,6 +21,12 @@ const STALE_AFTER: Duration = Duration::from_secs(5);
 /// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an
 /// existing file's permissions; a write-protected file is not replaced.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    prepare(path, bytes)?()
+}
+
+/// Writes as [`write_atomically`] does, but returns what moves the file into place: of several, all can
+/// be written first.
+pub fn prepare(path: &Path, bytes: &[u8]) -> Result<impl FnOnce() -> Result<()> + use<>> {
     WriteTarget::resolve(path)?.write(bytes, replace)
 }
 
@@ -29,7 +35,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     loop {
         let free = unused_path(path);
-        match WriteTarget::resolve(&free)?.write(bytes, place) {
+        match WriteTarget::resolve(&free)?.write(bytes, place)?() {
             // Another program took this name first.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             written => return written.map(|()| free),
@@ -57,7 +63,8 @@ pub fn check_writable(path: &Path) -> Result<()> {
         .map_err(unnamed)?;
     let folder = scratch.path().to_owned();
     let path = folder.join(target.path.file_name().unwrap_or_default());
-    WriteTarget { path, folder, ..target }.write(b"gdg-tui", replace).map_err(unnamed)
+    let target = WriteTarget { path, folder, ..target };
+    target.write(b"gdg-tui", replace).and_then(|place| place()).map_err(unnamed)
 }
 
 /// Checks, without writing, that a file may be written at `path`: its name, and what exists there.
@@ -120,13 +127,13 @@ impl WriteTarget {
         Ok(Self { path, folder, existing })
     }
 
-    /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into
+    /// Writes `bytes` to a temporary file next to the target; returns what has `persist` move it into
     /// place.
     fn write(
-        &self,
+        self,
         bytes: &[u8],
-        persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>,
-    ) -> Result<()> {
+        persist: fn(NamedTempFile, &Path) -> Result<()>,
+    ) -> Result<impl FnOnce() -> Result<()> + use<>> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
@@ -147,12 +154,14 @@ impl WriteTarget {
         }
         file.write_all(bytes).map_err(unnamed)?;
         sync(file.as_file())?;
-        persist(file, &self.path)?;
-        match File::open(&self.folder) {
-            // A folder can be writable but not readable.
-            Err(error) if error.kind() == ErrorKind::PermissionDenied => Ok(()),
-            folder => sync(&folder?),
-        }
+        Ok(move || {
+            persist(file, &self.path)?;
+            match File::open(&self.folder) {
+                // A folder can be writable but not readable.
+                Err(error) if error.kind() == ErrorKind::PermissionDenied => Ok(()),
+                folder => sync(&folder?),
+            }
+        })
     }
 }
 

@@ -311,8 +311,7 @@ type Columns = (Vec<usize>, Vec<usize>, Vec<usize>);
 
 /// Finds the achieved goal within the observation, where it takes the place of what is observed; what
 /// is not found there is added to the state.
-/// `given` are the components of the observation that are the goal, for environments that have
-/// their goal in `info`; the first two by default.
+/// `given` are the components that are the goal where that is in `info`; by default, the first two.
 fn columns(
     seen: &Seen,
     about: &EnvDescription,
@@ -321,9 +320,10 @@ fn columns(
     if about.achieved == 0 {
         let first = about.usual_goal();
         let own = given.unwrap_or(&first);
-        if let Some(wrong) = own.iter().find(|i| **i >= about.observed) {
-            let last = about.observed - 1;
-            return Err(format!("--goal {wrong}: its observations have components 0 to {last}"));
+        let is_wrong = |i: &usize| own[*i] >= about.observed || own[..*i].contains(&own[*i]);
+        if let Some(i) = (0..own.len()).find(is_wrong) {
+            let (wrong, last) = (own[i], about.observed - 1);
+            return Err(format!("--goal {wrong}: give components 0 to {last}, each once"));
         }
         // A goal is an observation, or only what has to be achieved of one.
         let of_goal = if about.goal == about.observed {
@@ -495,11 +495,12 @@ pub mod tests {
             assert_eq!(found, Ok((all.clone(), achieved.to_vec(), of_goal.to_vec())));
         }
         for (seen, about, given, why) in [
-            (seen(), description(4, 2, 2), 0, "--goal is for environments without"),
-            (Seen::default(), description(4, 0, 2), 2, "--goal names 1"),
-            (Seen::default(), description(4, 0, 4), 4, "components 0 to 3"),
+            (seen(), description(4, 2, 2), &[0][..], "--goal is for environments without"),
+            (Seen::default(), description(4, 0, 2), &[2], "--goal names 1"),
+            (Seen::default(), description(4, 0, 4), &[4], "components 0 to 3, each once"),
+            (Seen::default(), description(4, 0, 2), &[1, 1], "components 0 to 3, each once"),
         ] {
-            assert!(columns(&seen, &about, Some(&[given])).is_err_and(|found| found.contains(why)));
+            assert!(columns(&seen, &about, Some(given)).is_err_and(|found| found.contains(why)));
         }
         // What never changed is not looked for in the observation.
         let rows: Vec<Vec<f32>> = (0..9).map(|i| vec![f32::from(i as u8), 0.0, 0.0]).collect();

@@ -70,6 +70,13 @@ def begin():
     nothing = os.open(os.devnull, os.O_RDWR)
     cut = lambda: os.dup2(nothing, channel.fileno(), inheritable=False)
     os.register_at_fork(after_in_child=cut)
+    # Batch systems send these to all processes of a job: the program saves the run, and ends this one. What
+    # environments start ends by them as usual: programs inherit no handlers, and forks get the usual ones.
+    ending = signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGXCPU
+    outlive = lambda *_: None
+    usual = {number: signal.signal(number, outlive) for number in ending}
+    own = lambda: (pair for pair in usual.items() if signal.getsignal(pair[0]) is outlive)
+    os.register_at_fork(after_in_child=lambda: [signal.signal(*pair) for pair in own()])
 
 
 def watch():
@@ -133,8 +140,7 @@ class Slot:
     def __init__(self):
         self.env = make()
         self.ended = self.moves_goal = False
-        self.told = 0
-        self.last = self.generators = None
+        self.told, self.last, self.generators = 0, None, None
 
     def row(self):
         """Returns what is observed, followed by the achieved goal if it is apart, and 1 at the end; 2 more
@@ -220,8 +226,7 @@ def check_form(spaces):
 def make():
     # Agents may go on beyond the time limit of the registration, as they have other goals: what
     # still is truncated, the environment itself ends.
-    how = {"max_episode_steps": sys.maxsize, "disable_env_checker": True}
-    env = gym.make(environment_id, **how)
+    env = gym.make(environment_id, max_episode_steps=sys.maxsize, disable_env_checker=True)
     # OGBench's end at their own goal: agents have to see what is beyond.
     if hasattr(env.unwrapped, "_terminate_at_goal"):
         env.unwrapped._terminate_at_goal = False
@@ -340,8 +345,7 @@ def open_environment(body):
     actions_length = flat_numbers(actions, "its actions are")
     if actions.dtype.kind != "f":
         raise Unsupported(
-            f"its actions are whole numbers, {actions}: only continuous ones (a Box of floats)"
-            " are supported"
+            f"its actions are whole numbers, {actions}: only continuous ones (a Box of floats) are supported"
         )
     goals = Goals(slot)
     check_form(goals.spaces(slot.env))
@@ -484,19 +488,13 @@ def why(error):
 
 
 def serve():
-    handlers = {
-        OPEN: open_environment,
-        MAKE: make_all,
-        RESET: reset_one,
-        STEP: step_all,
-    }
+    handlers = {OPEN: open_environment, MAKE: make_all, RESET: reset_one, STEP: step_all}
     while header := stream.read(8):
         kind, length = struct.unpack("<II", header)
         body = stream.read(length)
         try:
             answer = handlers[kind](body)
-            is_text = isinstance(answer, bytes)
-            reply = OK, answer if is_text else np.asarray(answer, dtype="<f8").tobytes()
+            reply = OK, answer if isinstance(answer, bytes) else np.asarray(answer, dtype="<f8").tobytes()
         except BaseException as error:  # Also what would end this process.
             reply = FAILED, why(error)
         channel.sendall(struct.pack("<II", reply[0], len(reply[1])) + reply[1])

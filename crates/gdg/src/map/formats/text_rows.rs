@@ -200,8 +200,7 @@ fn rows<'a>(text: &'a TextFile) -> impl Iterator<Item = (usize, &'a str)> {
 /// Splits a line at commas or semicolons, or else at blanks; returns the numbers with their places.
 fn numbers(line: usize, text: &str) -> impl Iterator<Item = (&str, TextPosition)> {
     let has_commas = text.contains([',', ';']);
-    let is_between =
-        move |c: char| if has_commas { c == ',' || c == ';' } else { c.is_whitespace() };
+    let is_between = move |c: char| if has_commas { ",;".contains(c) } else { c.is_whitespace() };
     let mut next = 0;
     let placed = text.split(is_between).map(move |part| {
         let column = next + part.chars().take_while(|c| c.is_whitespace()).count();
@@ -218,12 +217,20 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
         let help = "cells are separated by one of them, and decimals have a point";
         return Err(text.line_error(line, "this row has both commas and semicolons", help));
     }
-    let is_binary =
-        |(number, _): (&str, TextPosition)| number.bytes().all(|b| b == b'0' || b == b'1');
-    let is_dense = lines().flatten().all(is_binary) && lines().flatten().any(|n| n.0.len() > 1);
+    let mut cells = MarkRows::new(text);
+    // Digits are cells where only rows are apart: else they are numbers, which may be padded.
+    let has_cells = |(_, row): (usize, &str)| row.trim().bytes().all(|b| b"01".contains(&b));
+    if rows(text).all(has_cells) && rows(text).any(|(_, row)| row.trim().len() > 1) {
+        for (row, place) in lines().flatten() {
+            for digit in row.bytes() {
+                cells.push(if digit == b'0' { CellMark::Free } else { CellMark::Wall })?;
+            }
+            cells.end_row(place)?;
+        }
+        return cells.finish(source, NUMBER_CELLS);
+    }
     let place_of = |wanted: f64| {
-        let is =
-            |(number, _): &(&str, TextPosition)| number.parse::<f64>().is_ok_and(|v| v == wanted);
+        let is = |(number, _): &(&str, TextPosition)| number.parse() == Ok(wanted);
         lines().flatten().find(is).map(|(_, place)| place)
     };
     let tiled = place_of(-1.0);
@@ -233,33 +240,22 @@ fn read_numbers(source: &Source) -> MapResult<Grid> {
     }
     let empty = if tiled.is_some() { -1.0 } else { 0.0 };
     let mut wall = None;
-    let mut cells = MarkRows::new(text);
-    for mut row in lines().map(Iterator::peekable) {
-        let Some((_, first)) = row.peek().copied() else { continue };
+    for row in lines() {
+        let mut first = None;
         for (number, place) in row {
-            if is_dense {
-                for digit in number.bytes() {
-                    cells.push(if digit == b'0' { CellMark::Free } else { CellMark::Wall })?;
-                }
-                cells.end_row(place)?;
-            } else {
-                // NumPy writes integers as 1.000000000000000000e+00 unless told otherwise.
-                let value = number.parse().ok().filter(|value: &f64| value.is_finite());
-                let value = value.ok_or_else(|| {
-                    let problem = format!("{number:?} is not a number");
-                    text.error_at(place, problem, NUMBER_CELLS)
-                })?;
-                // Tiles are of many kinds.
-                if value != empty && tiled.is_none() && *wall.get_or_insert(value) != value {
-                    let problem = "a third number: which cells are walls, and is this row one?";
-                    return Err(text.error_at(place, problem, NUMBER_CELLS));
-                }
-                cells.push(if value == empty { CellMark::Free } else { CellMark::Wall })?;
+            first.get_or_insert(place);
+            // NumPy writes integers as 1.000000000000000000e+00 unless told otherwise.
+            let value = number.parse().ok().filter(|value: &f64| value.is_finite());
+            let problem = || format!("{number:?} is not a number");
+            let value = value.ok_or_else(|| text.error_at(place, problem(), NUMBER_CELLS))?;
+            // Tiles are of many kinds.
+            if value != empty && tiled.is_none() && *wall.get_or_insert(value) != value {
+                let problem = "a third number: which cells are walls, and is this row one?";
+                return Err(text.error_at(place, problem, NUMBER_CELLS));
             }
+            cells.push(if value == empty { CellMark::Free } else { CellMark::Wall })?;
         }
-        if !is_dense {
-            cells.end_row(first)?;
-        }
+        first.map_or(Ok(()), |place| cells.end_row(place))?;
     }
     cells.finish(source, NUMBER_CELLS)
 }

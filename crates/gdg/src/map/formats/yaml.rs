@@ -180,7 +180,11 @@ impl Node<'_> {
 
     fn wanted(&self, text: &TextFile, key: &str, help: &str) -> MapResult<&Self> {
         let missing = || text.error_at(self.place, format!("the key {key} is missing"), help);
-        self.get(key).ok_or_else(missing)
+        let Value::Map(entries) = &self.value else { return Err(missing()) };
+        let mut own = entries.iter().filter(|(name, _)| name == key).map(|(_, value)| value);
+        let found = own.next().ok_or_else(missing)?;
+        let again = |own: &Self| text.error_at(own.place, format!("a second key {key}"), help);
+        own.next().map_or(Ok(found), |own| Err(again(own)))
     }
 
     pub fn list(&self, text: &TextFile, help: &str) -> MapResult<&[Self]> {
