@@ -66,8 +66,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edits(), requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
-    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 20, or as many as the
-    /// resumed run has had]
+    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 20, or as last evaluated]
     #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: Option<u32>,
 
@@ -148,9 +147,10 @@ impl TrainArgs {
         self.reading.only_for_maps(resumed.unwrap_or(self.map()))
     }
 
-    /// Returns the options of a run that `history` has of before.
+    /// Returns the options of a run with this `history`.
     pub fn headless(&self, history: &History) -> HeadlessOptions {
-        let before = history.evaluations().last().and_then(|(_, last)| last.greedy.tasks_at_most());
+        let last = history.evaluations().last();
+        let before = last.and_then(|(_, last)| last.greedy.tasks_per_distance());
         HeadlessOptions {
             eval_every_updates: self.eval_every_updates,
             eval_tasks: self.eval_tasks.or(before).unwrap_or(EVAL_TASKS) as usize,

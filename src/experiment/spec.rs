@@ -217,7 +217,7 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
 
 /// Returns the tasks at each distance in the first of `evaluations`; of the last, jobs may have more.
 pub fn eval_tasks(evaluations: &[EvaluationAt]) -> Option<u32> {
-    evaluations.first()?.evaluation.greedy.tasks_at_most()
+    evaluations.first()?.evaluation.greedy.tasks_per_distance()
 }
 
 /// A finished job, as stored in its JSON file.

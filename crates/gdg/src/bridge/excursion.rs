@@ -87,8 +87,8 @@ impl Excursions {
         }
     }
 
-    /// Takes note of a step of any agent. What else tells places apart is found out from many steps:
-    /// then the table of places begins anew, and all excursions end.
+    /// Records a step of any agent. When many steps show that places differ in something else, the table
+    /// of places begins anew, and all excursions end.
     pub fn note(&mut self, agent: usize, spec: &Spec, [state, next]: [&[f32]; 2], action: &[f32]) {
         if spec.state_dim() == spec.goal_dim() {
             return;

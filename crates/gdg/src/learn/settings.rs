@@ -98,7 +98,7 @@ settings! {
                 ablation: without("no bounds by the graph on other pairs", "false");
             actor_waypoints: bool = true, Paper | Tuned | Sb3 => false;
                 "lead the actor to far goals by the next waypoint on the path through the bridge \
-                 graph, where the goal alone tells places apart",
+                 graph, unless places differ in more than the goal",
                 ablation: without("no waypoints for the actor", "false");
             /// Where its own action changes nothing, the gradient of Algorithm 1 vanishes.
             unblock_actor: bool = true, Paper | Tuned | Sb3 => false;

@@ -188,7 +188,7 @@ impl Sums {
 
 impl Score {
     /// Returns the most tasks at one distance, if there are any.
-    pub fn tasks_at_most(&self) -> Option<u32> {
+    pub fn tasks_per_distance(&self) -> Option<u32> {
         let tasks = self.by_distance.iter().map(|group| group.tasks as u32);
         tasks.max().filter(|tasks| *tasks > 0)
     }

@@ -258,10 +258,10 @@ impl BatchSampler {
         (count as usize, (self.settings.short_pairs * count).round() as usize)
     }
 
-    /// Whether the actor is led by waypoints: not where more than the goal tells states apart, such as a
-    /// key, as they say nothing of that.
+    /// Whether waypoints lead the actor: not where places differ in more than the goal, such as a key,
+    /// which a waypoint leaves out.
     pub(in crate::learn) fn leads(&self, known: &KnownDistances) -> bool {
-        self.settings.actor_waypoints && !known.goals.tells_more_apart()
+        self.settings.actor_waypoints && !known.goals.differ_in_more()
     }
 
     /// Returns the number of pairs, the last ones, from which the actor's walks are imagined: none

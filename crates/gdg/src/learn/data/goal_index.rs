@@ -128,8 +128,8 @@ impl GoalIndex {
         if self.others.is_empty() { self.goal(i) } else { &self.places[i * width..][..width] }
     }
 
-    /// Whether more than the goal tells states apart.
-    pub(crate) fn tells_more_apart(&self) -> bool {
+    /// Whether places differ in more than the goal.
+    pub(crate) fn differ_in_more(&self) -> bool {
         !self.others.is_empty()
     }
 
