@@ -430,7 +430,7 @@ mod tests {
             record(folder.path(), "c.jsonl", &apart, &[4], ""),
         ];
         let (rows, notes) = drawn(&files);
-        let own = "edit=500 eval-tasks=5 1";
+        let own = "edit=500 eval-tasks=5,9 1";
         let expected = [own, own, own, "eval-tasks=9 1"].into_iter().zip([1, 3, 4, 4]);
         assert_eq!(rows, expected.map(|(own, at)| format!("{own} {at}000")).collect::<Vec<_>>());
         assert_eq!(notes, [""; 0]);

@@ -196,11 +196,12 @@ impl SavedRun {
             let checksum = crc32fast::hash(edits.as_bytes());
             edits = format!("{} times:{checksum:08x}", self.edits.len());
         }
-        [Some(edits), self.eval_tasks().map(|tasks| tasks.to_string()), self.version.clone()]
+        [Some(edits), self.eval_tasks(), self.version.clone()]
     }
 
-    fn eval_tasks(&self) -> Option<u32> {
-        self.eval_tasks.or_else(|| eval_tasks(&self.evaluations))
+    fn eval_tasks(&self) -> Option<String> {
+        // Of the last, jobs may have more.
+        self.eval_tasks.map(|own| own.to_string()).or_else(|| eval_tasks(&self.evaluations))
     }
 
     fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
@@ -226,7 +227,8 @@ impl SavedRun {
             "variant": self.variant,
             "seed": self.seed,
             "version": self.version,
-            "eval_tasks": self.eval_tasks(),
+            // A number, but where it has changed.
+            "eval_tasks": self.eval_tasks().map(|own| own.parse::<u32>().map_or(own.into(), Value::from)),
             "edits": self.edits,
             "settings": self.settings.iter().filter_map(setting).collect::<Map<_, _>>(),
             "updates": self.updates,
