@@ -18,7 +18,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::folder::read_result;
-use super::spec::{EvaluationAt, JobResult, eval_tasks, evaluations, setting_text};
+use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::headless::records::Progress;
 use crate::process::errors::from_checkpoint_error;
 use crate::setup::saves::{ago, files_in, rate};
@@ -199,9 +199,15 @@ impl SavedRun {
         [Some(edits), self.eval_tasks(), self.version.clone()]
     }
 
+    /// Tasks at each distance: `10`, or `10,3` if a resumed run had others; of the last, jobs may
+    /// have more.
     fn eval_tasks(&self) -> Option<String> {
-        // Of the last, jobs may have more.
-        self.eval_tasks.map(|own| own.to_string()).or_else(|| eval_tasks(&self.evaluations))
+        let of = |at: &EvaluationAt| at.evaluation.greedy.tasks_per_distance();
+        let all: Option<Vec<u32>> = self.evaluations.iter().map(of).collect();
+        let mut all = self.eval_tasks.map(|own| vec![own]).or(all)?;
+        all.dedup();
+        let all = all.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
+        (!all.is_empty()).then_some(all)
     }
 
     fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
@@ -209,11 +215,9 @@ impl SavedRun {
     }
 
     pub fn json(&self) -> Value {
-        let setting = |text: &String| {
-            let (name, value) = text.split_once('=')?;
-            let value = serde_json::from_str(value).unwrap_or_else(|_| value.into());
-            Some((name.to_owned(), value))
-        };
+        let number = |text: &str| serde_json::from_str(text).unwrap_or_else(|_| text.into());
+        let setting = |(name, value): (&str, &str)| (name.to_owned(), number(value));
+        let settings = self.settings.iter().filter_map(|text| text.split_once('=')).map(setting);
         let written = self.written.and_then(|at| Some(Timestamp::try_from(at).ok()?.to_string()));
         // It may have been deleted since. JSON has no bytes that are not text.
         let checkpoint = self.checkpoint.as_deref().filter(|path| path.is_file());
@@ -227,10 +231,9 @@ impl SavedRun {
             "variant": self.variant,
             "seed": self.seed,
             "version": self.version,
-            // A number, but where it has changed.
-            "eval_tasks": self.eval_tasks().map(|own| own.parse::<u32>().map_or(own.into(), Value::from)),
+            "eval_tasks": self.eval_tasks().map(|own| number(&own)),
             "edits": self.edits,
-            "settings": self.settings.iter().filter_map(setting).collect::<Map<_, _>>(),
+            "settings": settings.collect::<Map<_, _>>(),
             "updates": self.updates,
             "evaluated_at": self.evaluations.last().map(|at| at.updates),
             "success": self.of_last(Evaluation::success_rate),

@@ -215,14 +215,6 @@ pub fn evaluations(history: &History) -> Vec<EvaluationAt> {
     history.evaluations().iter().enumerate().filter_map(evaluation).collect()
 }
 
-/// Returns the tasks at each distance in `evaluations`: `10`, or `10,3` if a resumed run had others.
-pub fn eval_tasks(evaluations: &[EvaluationAt]) -> Option<String> {
-    let all = evaluations.iter().map(|at| at.evaluation.greedy.tasks_per_distance());
-    let mut all: Vec<u32> = all.collect::<Option<_>>()?;
-    all.dedup();
-    (!all.is_empty()).then(|| all.iter().map(u32::to_string).collect::<Vec<_>>().join(","))
-}
-
 /// A finished job, as stored in its JSON file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct JobResult {
