@@ -100,18 +100,6 @@ pub enum Mode {
     Listing,
 }
 
-impl Mode {
-    const ALL: [Self; 7] = [
-        Self::Watching,
-        Self::Editing,
-        Self::Touring,
-        Self::Elsewhere,
-        Self::Comparing,
-        Self::EditingBoth,
-        Self::Listing,
-    ];
-}
-
 /// What an action does in a comparison.
 #[derive(Clone, Copy, Debug)]
 pub enum Both {
@@ -161,19 +149,6 @@ pub fn binding_of(action: Action) -> Option<&'static Binding> {
 }
 
 impl Binding {
-    pub fn is_active(&self, mode: Mode) -> bool {
-        match (mode, self.when) {
-            (Mode::Watching | Mode::Editing, None) | (Mode::EditingBoth, Some(Mode::Comparing)) => {
-                true
-            }
-            (Mode::Listing, None) => self.is_in_lists,
-            (Mode::Comparing | Mode::EditingBoth, None)
-            | (Mode::Comparing, Some(Mode::Watching))
-            | (Mode::EditingBoth, Some(Mode::Editing)) => !matches!(self.both, Both::Refused),
-            (mode, when) => when == Some(mode),
-        }
-    }
-
     /// Returns where its keys are active, for the help; empty if obvious.
     pub fn place(&self) -> &'static str {
         match self.when {
@@ -182,10 +157,5 @@ impl Binding {
             Some(Mode::Elsewhere) => " (gdg-tui watch)",
             _ => "",
         }
-    }
-
-    /// Returns whether it and `other` must not share a key.
-    pub fn excludes(&self, other: &Self) -> bool {
-        Mode::ALL.into_iter().any(|mode| self.is_active(mode) && other.is_active(mode))
     }
 }

@@ -39,7 +39,7 @@ pub enum ExportError {
 }
 
 /// Encodes what has been drawn, which may take a second or two.
-type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, ExportError> + Send>;
+pub type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, ExportError> + Send>;
 
 /// Draws an export; returns what writes it to a new file and returns the notice for the user.
 pub fn begin(
@@ -71,7 +71,7 @@ pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
 }
 
 /// Captures the present screen as this kind of export; what takes long is left to the encoder.
-fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode, ExportError> {
+pub fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode, ExportError> {
     Ok(match kind {
         ExportKind::MapPng | ExportKind::MapSvg => {
             // For readers, who have no keys, in all colours even if the terminal has fewer.
@@ -104,15 +104,6 @@ fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Encode,
             Box::new(|| Ok(table.into_bytes()))
         }
     })
-}
-
-#[cfg(test)]
-pub fn contents(
-    kind: ExportKind,
-    screen: &mut Screen,
-    scene: &Scene,
-) -> Result<Vec<u8>, ExportError> {
-    drawn(kind, screen, scene)?()
 }
 
 /// Draws a screen in memory; returns it with the area of the map.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crokey::{KeyCombination, KeyCombinationFormat, OneToThree};
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-use super::action::{Action, Binding, Mode, bindings};
+use super::action::{Action, Binding, Both, Mode, bindings};
 use gdg::text::did_you_mean;
 
 /// The keys of all bindings.
@@ -91,6 +91,38 @@ impl Keymap {
             .filter(|(_, b)| b.name == binding.name)
             .map(|(key, _)| display_name(*key))
             .collect()
+    }
+}
+
+impl Mode {
+    const ALL: [Self; 7] = [
+        Self::Watching,
+        Self::Editing,
+        Self::Touring,
+        Self::Elsewhere,
+        Self::Comparing,
+        Self::EditingBoth,
+        Self::Listing,
+    ];
+}
+
+impl Binding {
+    pub fn is_active(&self, mode: Mode) -> bool {
+        match (mode, self.when) {
+            (Mode::Watching | Mode::Editing, None) | (Mode::EditingBoth, Some(Mode::Comparing)) => {
+                true
+            }
+            (Mode::Listing, None) => self.is_in_lists,
+            (Mode::Comparing | Mode::EditingBoth, None)
+            | (Mode::Comparing, Some(Mode::Watching))
+            | (Mode::EditingBoth, Some(Mode::Editing)) => !matches!(self.both, Both::Refused),
+            (mode, when) => when == Some(mode),
+        }
+    }
+
+    /// Returns whether it and `other` must not share a key.
+    pub fn excludes(&self, other: &Self) -> bool {
+        Mode::ALL.into_iter().any(|mode| self.is_active(mode) && other.is_active(mode))
     }
 }
 

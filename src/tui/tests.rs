@@ -34,7 +34,7 @@ use super::action::{Action, Binding, Mode, bindings};
 use super::app::{App, Base};
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::drawings::{ExportError, contents};
+use super::drawings::{ExportError, drawn};
 use super::interface::Interface;
 use super::keymap::Keymap;
 use super::scene::{MazeState, Scene, SpaceState};
@@ -264,7 +264,7 @@ fn saved_run(folder: &Path, app: &App) -> RunDescription {
 
 fn export(kind: ExportKind, app: &mut App) -> Result<Vec<u8>, ExportError> {
     let Cx { screen, scene, .. } = &mut app.cx;
-    contents(kind, screen, scene)
+    drawn(kind, screen, scene)?()
 }
 
 fn gdg() -> Method {
