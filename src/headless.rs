@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use clap::Args;
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value, json};
 
@@ -19,7 +20,9 @@ use crate::process::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, logging};
 use crate::setup::Setup;
 use crate::setup::outputs::to_elsewhere;
 use crate::setup::saves::resume_command;
+use crate::setup::values::{counts, output, reals, shares};
 use gdg::env::{EnvError, Recorded};
+use gdg::files;
 use gdg::job::{Job, Running};
 use gdg::printing;
 use gdg::printing::eprint_line;
@@ -42,31 +45,60 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 /// Whether records could not be written.
 static LOST: AtomicBool = AtomicBool::new(false);
 
+/// Evaluation tasks at each distance unless another number is given.
+const EVAL_TASKS: u32 = 20;
+
 /// Options of a run without the interface, besides what to train.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Args)]
 pub struct HeadlessOptions {
-    /// Updates between evaluations; otherwise only at the end.
+    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface:
+    /// see autosave_minutes]
+    #[arg(long, value_name = "MINUTES", value_parser = reals(0.0..=1e6, "a number of minutes, 0 for none"), requires = "no_ui")]
+    pub save_every: Option<f64>,
+
+    /// Evaluate every N updates
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
     pub eval_every_updates: Option<u64>,
-    pub eval_tasks: usize,
-    /// Minutes between checkpoints, 0 for none; otherwise the default.
-    pub save_every_minutes: Option<f64>,
-    pub table: Option<PathBuf>,
+
+    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 20, or as last evaluated]
+    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
+    pub eval_tasks: Option<u32>,
+
+    /// Also write losses and evaluations, from the beginning of the run, to this file as CSV
+    #[arg(long, value_name = "FILE", requires = "no_ui", value_parser = output())]
+    pub csv: Option<PathBuf>,
+
+    /// Replace existing files: tables and, with --save, checkpoints of other runs
+    #[arg(long)]
     pub overwrite: bool,
+
+    /// Exit with status 3 unless the final evaluation's success rate is at least X
+    #[arg(long, value_name = "X", value_parser = shares())]
     pub require_success: Option<f64>,
 }
 
+impl HeadlessOptions {
+    fn tasks(&self) -> usize {
+        self.eval_tasks.unwrap_or(EVAL_TASKS) as usize
+    }
+}
+
 pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
+    let last = setup.trainer.history().evaluations().last();
+    let before = last.and_then(|(_, last)| last.greedy.tasks_per_distance());
+    let options = &HeadlessOptions { eval_tasks: options.eval_tasks.or(before), ..options.clone() };
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job.clone());
     let saver = setup.save.clone().map(CheckpointSaver::new);
     let open = |path| MetricsFile::open(path, options.overwrite, &setup);
-    let table = match options.table.as_deref().map(open).transpose() {
+    let table = match options.csv.as_deref().map(open).transpose() {
         Ok(table) => table,
         Err(error) => {
             print_error(&error);
             return Ok(EXIT_BAD_INPUT);
         }
     };
+    files::mark_output_in_use();
     let begun_at = setup.trainer.counters().updates;
     let progress = RunProgress::new(&setup.limits, setup.trainer.seconds());
     let mut run = HeadlessRun { setup, options, progress, saver, table, termination, begun_at };
@@ -173,7 +205,7 @@ impl HeadlessRun<'_> {
     }
 
     fn train(&mut self) -> Result<EndReason, Report> {
-        let save_every = save_interval(self.options.save_every_minutes);
+        let save_every = save_interval(self.options.save_every);
         let evaluate = self.options.eval_every_updates;
         let schedule = Schedule {
             progress_every_updates: Some(PROGRESS_EVERY_UPDATES),
@@ -284,7 +316,7 @@ impl HeadlessRun<'_> {
 
     /// Evaluates and prints the result, or returns why the world fails; `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Result<Evaluation, EnvError>>, Report> {
-        let (trainer, tasks) = (&mut self.setup.trainer, self.options.eval_tasks);
+        let (trainer, tasks) = (&mut self.setup.trainer, self.options.tasks());
         let is_new = trainer.counters().updates > self.begun_at;
         let evaluated = evaluate(trainer, tasks, None, is_new, &self.termination)?;
         let Some(Ok(evaluation)) = evaluated else { return Ok(evaluated) };

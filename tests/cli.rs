@@ -375,6 +375,19 @@ fn a_scenario_is_evaluated_in_six_ranges() {
     let begun = run(&[&given[..], &["--save", saved]].concat());
     // A resumed run goes on with both.
     let resumed = gdg(&words(&format!("--no-ui --resume {saved} --max-updates 20"))).records();
+    // Or has another from then on, which is a curve of its own.
+    let other = folder.path().join("other.scen");
+    std::fs::write(&other, format!("version 1\n{}", tasks.replace("\t11\t0\t11", "\t10\t0\t10")))
+        .unwrap();
+    let copy = folder.path().join("copy");
+    let [other, copy] = [&other, &copy].map(|path| path.to_str().unwrap());
+    let line = format!(
+        "--no-ui --resume {saved} --max-updates 20 --scen {other} --save {copy}/own.safetensors"
+    );
+    gdg(&words(&line)).success();
+    let listed: Value = serde_json::from_str(gdg(&["runs", "--json", copy]).success()).unwrap();
+    let tasks = listed["eval_tasks"].as_str().unwrap();
+    assert!(tasks.starts_with("2 of ") && tasks.contains(",2 of "), "{tasks}");
     for all in [begun, resumed] {
         assert_eq!(
             (&all[0]["eval_tasks"], all[0]["map"]["scenario"].is_string()),

@@ -187,11 +187,22 @@ fn tables_never_replace_what_the_run_reads() {
         let (status, _, errors) = outcome(command.args(args).args(["--csv", name, "--overwrite"]));
         assert_eq!(status, 2, "{errors}");
         assert!(
-            errors.contains(&format!("{name}: is read by this run and is not replaced")),
+            errors.contains(&format!("{name}: is used by this run and is not replaced")),
             "{errors}"
         );
         assert_eq!(std::fs::read_to_string(folder.path().join(name)).unwrap(), text);
     }
+    // Nor the image of a map, nor where the records go.
+    let scan = ["scan.yaml", "scan.pgm"].map(|name| folder.path().join(name));
+    std::fs::write(&scan[0], "image: scan.pgm\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n").unwrap();
+    std::fs::write(&scan[1], "P2 2 1 9 9 9").unwrap();
+    let args = words("--no-ui scan.yaml --max-updates 5 --csv scan.pgm --overwrite");
+    let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));
+    assert!(status == 2 && errors.contains("is used by this run"), "{errors}");
+    let records = std::fs::File::create(folder.path().join("own.jsonl")).unwrap();
+    let args = words("--no-ui own.txt --max-updates 5 --csv own.jsonl --overwrite");
+    let mut command = isolated_command(folder.path());
+    assert_eq!(command.args(args).stdout(records).status().unwrap().code(), Some(2));
 }
 
 #[test]

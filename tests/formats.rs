@@ -64,7 +64,7 @@ fn a_maze_is_converted_to_every_format_and_checked() {
     let refused = refusal(path, &["maps", "convert", "u.json", "ros.yaml"]);
     assert!(refused.contains("ros.pgm: the file already exists"), "{refused}");
     let refused = refusal(path, &["maps", "convert", "u.json", "u.json", "--overwrite"]);
-    assert!(refused.contains("is read by this run and is not replaced"), "{refused}");
+    assert!(refused.contains("is used by this run and is not replaced"), "{refused}");
     let refused = refusal(path, &["maps", "convert", "u.json", "u.xyz"]);
     assert!(refused.contains("this ending says no format"), "{refused}");
 }

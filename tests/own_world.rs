@@ -134,8 +134,7 @@ fn the_program_with_a_custom_world() {
     let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
     let args = Cli::try_parse_from(common.into_iter().chain(arguments.split(' '))).unwrap().train;
     let setup = prepare(&args, &registry(), &Job::default()).unwrap();
-    let options = args.headless(setup.trainer.history());
-    let status = headless::run(setup, &options).unwrap();
+    let status = headless::run(setup, &args.headless).unwrap();
     std::process::exit(status.into());
 }
 

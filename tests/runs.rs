@@ -1,8 +1,10 @@
 //! `gdg-tui runs`: lines of JSON for scripts, and the screen on a terminal.
 
 use std::path::Path;
+use std::time::{Duration, SystemTime};
 
 use crate::ran::{Ran, SMALL, has_parts, in_folder, program_in, ran, words};
+use crate::support::{headless, kill, wait_until};
 use serde_json::{Value, json};
 
 /// Returns the records of a run that ends as `end` says.
@@ -118,6 +120,29 @@ fn a_run_is_found_and_resumed_on_a_terminal() {
     session.press_for("q", "1 of 2 runs");
     session.press("q");
     assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn a_run_that_is_slow_or_stopped_has_not_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jsonl");
+    let state = || {
+        let long_ago = SystemTime::now() - Duration::from_secs(999);
+        std::fs::File::options().append(true).open(&path).unwrap().set_modified(long_ago).unwrap();
+        let listed = in_folder(folder.path(), &["runs", "--json"]);
+        serde_json::from_str::<Value>(listed.success()).unwrap()["state"].clone()
+    };
+    // The command itself keeps the file open.
+    let mut run = {
+        let mut command = headless(folder.path(), &["trap"]);
+        command.stdout(std::fs::File::create(&path).unwrap()).spawn().unwrap()
+    };
+    wait_until("records", || std::fs::read(&path).unwrap().contains(&b'\n'));
+    kill(run.id(), "STOP");
+    assert_eq!(state(), "running");
+    kill(run.id(), "KILL");
+    run.wait().unwrap();
+    assert_eq!(state(), "cut off");
 }
 
 #[test]

@@ -9,16 +9,10 @@ use log::LevelFilter;
 use crate::headless::HeadlessOptions;
 use crate::setup::RunChoice;
 use crate::setup::find_maps::{DEFAULT_MAP, MapArgs, given};
-use crate::setup::values::{
-    EditAt, counts, edits, log_levels, output, parse_threads, reals, shares,
-};
+use crate::setup::values::{EditAt, counts, edits, log_levels, output, parse_threads, reals};
 use crate::tui::InterfaceOptions;
 use gdg::env::GymOptions;
 use gdg::learn::Threads;
-use gdg::train::History;
-
-/// Evaluation tasks at each distance unless another number is given.
-const EVAL_TASKS: u32 = 20;
 
 /// Options of a training run.
 #[derive(Clone, Debug, Args)]
@@ -57,18 +51,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = counts::<u64>(0..=u64::MAX))]
     pub max_episodes: Option<u64>,
 
-    /// Evaluate every N updates
-    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
-    pub eval_every_updates: Option<u64>,
-
     /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires
     /// --no-ui)
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edits(), requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
-
-    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 20, or as last evaluated]
-    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
-    pub eval_tasks: Option<u32>,
 
     /// Evaluate on the tasks of this scenario, or of the agents of a map for planners (6 x --eval-tasks of them, evenly spaced)
     #[arg(long, value_name = "FILE")]
@@ -89,18 +75,8 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE", value_parser = output())]
     pub save: Option<PathBuf>,
 
-    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface:
-    /// see autosave_minutes]
-    #[arg(long, value_name = "MINUTES", value_parser = reals(0.0..=1e6, "a number of minutes, 0 for none"), requires = "no_ui")]
-    pub save_every: Option<f64>,
-
-    /// Replace existing files: tables and, with --save, checkpoints of other runs
-    #[arg(long)]
-    pub overwrite: bool,
-
-    /// Also write losses and evaluations, from the beginning of the run, to this file as CSV
-    #[arg(long, value_name = "FILE", requires = "no_ui", value_parser = output())]
-    pub csv: Option<PathBuf>,
+    #[command(flatten)]
+    pub headless: HeadlessOptions,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
     #[arg(long, value_name = "LEVEL", default_value = "info", value_parser = log_levels())]
@@ -124,10 +100,6 @@ pub struct TrainArgs {
     #[arg(long)]
     pub print_config_template: bool,
 
-    /// Exit with status 3 unless the final evaluation's success rate is at least X
-    #[arg(long, value_name = "X", value_parser = shares())]
-    pub require_success: Option<f64>,
-
     // Last, since their headings hold for all that follows.
     #[command(flatten)]
     pub reading: MapArgs,
@@ -145,20 +117,6 @@ impl TrainArgs {
     pub fn map_options(&self) -> Vec<&'static str> {
         let resumed = self.resume.as_ref().map(|_| Path::new(""));
         self.reading.only_for_maps(resumed.unwrap_or(self.map()))
-    }
-
-    /// Returns the options of a run with this `history`.
-    pub fn headless(&self, history: &History) -> HeadlessOptions {
-        let last = history.evaluations().last();
-        let before = last.and_then(|(_, last)| last.greedy.tasks_per_distance());
-        HeadlessOptions {
-            eval_every_updates: self.eval_every_updates,
-            eval_tasks: self.eval_tasks.or(before).unwrap_or(EVAL_TASKS) as usize,
-            save_every_minutes: self.save_every,
-            table: self.csv.clone(),
-            overwrite: self.overwrite,
-            require_success: self.require_success,
-        }
     }
 }
 

@@ -62,11 +62,11 @@ pub fn prepare(
     let save = args
         .save
         .as_deref()
-        .map(|path| save_to(path, resumed.as_deref(), args.overwrite))
+        .map(|path| save_to(path, resumed.as_deref(), args.headless.overwrite))
         .transpose()?;
-    if let Some(path) = &args.csv {
+    if let Some(path) = &args.headless.csv {
         // A resumed run replaces its own table, and leaves another one alone.
-        refuse_existing(path, args.overwrite || resumed.is_some())?;
+        refuse_existing(path, args.headless.overwrite || resumed.is_some())?;
         refuse_input("--csv", path, inputs(args, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";

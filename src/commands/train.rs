@@ -44,8 +44,7 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
     drop(opening);
     let setup = setup.map_err(bad_input)?;
     if args.no_ui || obstacle.is_some() {
-        let options = args.headless(setup.trainer.history());
-        return headless::run(setup, &options).map_err(failure);
+        return headless::run(setup, &args.headless).map_err(failure);
     }
     let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
     Ok(tui::run(setup, None, &mut interface).map_err(failure)?.0)

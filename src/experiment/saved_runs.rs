@@ -22,7 +22,7 @@ use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::headless::records::Progress;
 use crate::process::errors::from_checkpoint_error;
 use crate::setup::saves::{ago, files_in, rate};
-use gdg::files::{has_extension, is_hidden};
+use gdg::files::{has_extension, is_hidden, is_in_use};
 use gdg::job::Job;
 use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
@@ -166,7 +166,7 @@ impl SavedRun {
         match self.end {
             Some(_) if is_job && is_held() => RunState::Running,
             Some(end) => end,
-            None if is_within(QUIET) => RunState::Running,
+            None if is_within(QUIET) || is_in_use(&self.source) => RunState::Running,
             None => RunState::CutOff,
         }
     }
@@ -199,14 +199,21 @@ impl SavedRun {
         [Some(edits), self.eval_tasks(), self.version.clone()]
     }
 
-    /// Tasks at each distance: `10`, or `10,3` if a resumed run had others; of the last, jobs may
-    /// have more.
+    /// Tasks at each distance: `10`, or `10,3` if a resumed run had others, with their scenarios if
+    /// these differ; of the last, jobs may have more.
     fn eval_tasks(&self) -> Option<String> {
-        let of = |at: &EvaluationAt| at.evaluation.greedy.tasks_per_distance();
-        let all: Option<Vec<u32>> = self.evaluations.iter().map(of).collect();
-        let mut all = self.eval_tasks.map(|own| vec![own]).or(all)?;
+        let all = self.evaluations.iter().map(|EvaluationAt { evaluation, .. }| {
+            Some((evaluation.greedy.tasks_per_distance()?, evaluation.scenario.as_deref()))
+        });
+        let all: Option<Vec<_>> = all.collect();
+        let mut all = self.eval_tasks.map(|own| vec![(own, None)]).or(all)?;
         all.dedup();
-        let all = all.iter().map(u32::to_string).collect::<Vec<_>>().join(",");
+        let differ = all.iter().any(|(_, scenario)| *scenario != all[0].1);
+        let text = |(tasks, scenario): &(u32, Option<&str>)| match scenario {
+            Some(scenario) if differ => format!("{tasks} of {scenario}"),
+            _ => tasks.to_string(),
+        };
+        let all = all.iter().map(text).collect::<Vec<_>>().join(",");
         (!all.is_empty()).then_some(all)
     }
 

@@ -174,17 +174,21 @@ fn read(path: &Path) -> Option<String> {
 }
 
 /// Whether a table is of the same run as `now`, whose losses no other has, and has nothing that the run
-/// has yet to do, `updates` from its beginning: an older copy of it may go on.
+/// has yet to do, `updates` from its beginning, nor what somebody has written into it.
 fn is_earlier(found: &str, now: &str, updates: u64) -> bool {
-    let mut rows = found.lines();
-    let is_table = rows.next() == now.lines().next();
-    let own: HashSet<&str> = now.lines().collect();
     let at = |row: &str| row.split(',').nth(2).and_then(|cell| cell.parse::<u64>().ok());
-    let last = rows.clone().next_back();
-    is_table
-        && last.is_none_or(|last| {
-            at(last).is_some_and(|at| at <= updates) && rows.any(|row| own.contains(row))
-        })
+    let cells = |row: &str| row.split(',').count();
+    let own: HashSet<&str> = now.lines().collect();
+    let kept: HashSet<Option<u64>> = now.lines().map(at).collect();
+    // Points are thinned as they become many.
+    let is_thinned = |row: &&str| {
+        let is_due = at(row).is_some_and(|at| at <= updates) && !kept.contains(&at(row));
+        is_due && row.starts_with('p') && cells(row) == cells(now.lines().next().unwrap_or(""))
+    };
+    let (own_rows, others): (Vec<_>, Vec<_>) =
+        found.lines().skip(1).partition(|row| own.contains(row));
+    let has_own = !own_rows.is_empty() || others.is_empty();
+    found.lines().next() == now.lines().next() && has_own && others.iter().all(is_thinned)
 }
 
 #[cfg(test)]
@@ -224,6 +228,9 @@ mod tests {
             ("event,a,updates\np,.6,50\n", false),
             ("event,a,updates\np,.5,50\np,.1,150\n", false),
             ("event,a,updates\np,.5,50\np,.1", false),
+            ("event,a,updates\np,.5,50\np,.3,100\n", false),
+            ("event,a,updates\nnote,.3,25\np,.5,50\n", false),
+            ("event,a,updates\np,.3,25,note\np,.5,50\n", false),
             ("notes\np,.5,50\n", false),
         ] {
             assert_eq!(is_earlier(found, now, 100), is_own, "{found}");

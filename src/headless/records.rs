@@ -141,7 +141,7 @@ impl Record {
             preset: run.preset.name().to_owned(),
             settings: run.changed_settings(),
             seed: run.seed,
-            eval_tasks: options.eval_tasks,
+            eval_tasks: options.tasks(),
             edit_at: setup.trainer.edits.iter().filter_map(edit).collect(),
             threads: match setup.threads {
                 Threads::Fixed(number) => number.into(),
@@ -150,7 +150,7 @@ impl Record {
             updates: setup.trainer.counters().updates,
             resumed: setup.resumed.as_deref().map(text),
             save: setup.save.as_ref().map(|to| text(to.path())),
-            save_every: save_interval(options.save_every_minutes).map(|every| every.as_secs_f64()),
+            save_every: save_interval(options.save_every).map(|every| every.as_secs_f64()),
         }))
     }
 

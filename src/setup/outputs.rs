@@ -7,6 +7,7 @@ use miette::{Report, miette};
 
 use crate::setup::saves::{SAVES, is_named_like_one};
 use gdg::files;
+use gdg::map::image_named_in;
 use gdg::train::{self, SaveTo};
 
 /// Returns how to save to the path of `--save`: neither another run's file nor one that is not a
@@ -36,16 +37,20 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
     Ok(to(path.to_owned()))
 }
 
-/// Checks that the output file of an `option` is not one of the command's inputs.
+/// Checks that the output file of an `option` is not one of the command's inputs, the image of one, or
+/// where its records go.
 pub fn refuse_input<'a>(
     option: &str,
     path: &Path,
-    mut inputs: impl Iterator<Item = &'a Path>,
+    inputs: impl Iterator<Item = &'a Path>,
 ) -> Result<(), Report> {
-    if inputs.any(|input| is_same_file(input, path)) {
+    let output = Path::new("/dev/stdout");
+    let of_image =
+        |input: &Path| image_named_in(input).is_some_and(|image| is_same_file(&image, path));
+    if inputs.chain([output]).any(|input| is_same_file(input, path) || of_image(input)) {
         let help = format!("give {option} another name");
         let file = path.display();
-        return Err(miette!(help = help, "{file}: is read by this run and is not replaced"));
+        return Err(miette!(help = help, "{file}: is used by this run and is not replaced"));
     }
     Ok(())
 }

@@ -10,9 +10,11 @@ use ratatui::style::Modifier;
 
 use super::characters::QUADRANTS;
 use super::render;
+use super::render::curves::{PaneCurve, Plot, along, axis, plots};
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
 use super::theme::{Rgb, Theme, blend, rgb_of};
+use crate::experiment::plot::Drawable;
 use crate::figure::{
     Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Mark, PIXEL, Point, Sheet, colour,
     round_top,
@@ -22,7 +24,6 @@ use crate::tui::choices::ExportKind;
 use gdg::draw::Picture;
 use gdg::engine::Snapshot;
 use gdg::files;
-use gdg::train::Evaluation;
 
 const EXPORT_FOLDER: &str = "exports";
 
@@ -94,7 +95,7 @@ pub fn drawn(kind: ExportKind, screen: &mut Screen, scene: &Scene) -> Result<Enc
                 if kind == ExportKind::CurvesSvg { FigureFormat::Svg } else { FigureFormat::Pdf };
             let (world, run) = (scene.title(&screen.snapshot), screen.run());
             let title = format!("{world}, {}, seed {}", run.method, run.seed);
-            let figure = curves_figure(screen, &title);
+            let figure = curves_figure(screen, scene, &title);
             Box::new(move || format.encode(&figure).map_err(ExportError::Figure))
         }
         ExportKind::CurvesCsv => {
@@ -186,63 +187,33 @@ fn colours(cell: &Cell, page: (Rgb, Rgb)) -> (Rgb, Rgb) {
 
 const FIGURE_WIDTH: f32 = 130.0 * MILLIMETRE;
 
-/// A curve's name and its points: updates done by a learner, and values.
-type Series = (&'static str, Vec<(u64, f64)>);
+/// Charts of the window, from its first one on, in a figure.
+const CHARTS: usize = 3;
 
-fn curves_figure(screen: &Screen, title: &str) -> Sheet {
-    let snapshot = &screen.snapshot;
-    let loss = snapshot.curve.iter().map(|point| (point.updates, f64::from(point.losses[0])));
-    let coverage = snapshot.coverage().into_iter();
-    let success = [
-        series("planned", snapshot, |e| e.planned.as_ref()?.success),
-        series("greedy", snapshot, |e| e.greedy.success),
-        ("explored", learned(snapshot, coverage)),
-    ];
-    let errors = [
-        series("of D", snapshot, |e| Some(e.distance_error?.mape)),
-        series("via graph", snapshot, |e| Some(e.distance_error?.graph?.mape)),
-    ];
-    let losses = [("critic", learned(snapshot, loss))];
-    let last = snapshot.learned(snapshot.counters.updates).max(1) as f64;
-    let chart = |label: &str, series: &[Series]| {
-        let values = series.iter().flat_map(|(_, points)| points).map(|(_, value)| *value);
-        let is_known = |(_, (_, points)): &(usize, &Series)| !points.is_empty();
-        let curve = |(i, (name, points)): (usize, &Series)| Curve {
-            name: (*name).to_owned(),
-            colour: colour(i),
-            marker: i,
-            points: points.iter().map(|(x, value)| Point::single(*x as f64, *value)).collect(),
-        };
-        Chart {
-            title: String::new(),
-            labels: ["updates", label].map(str::to_owned),
-            x: [0.0, last],
-            top: if series.len() == 3 { 1.0 } else { round_top(values) },
-            curves: series.iter().enumerate().filter(is_known).map(curve).collect(),
+fn curves_figure(screen: &Screen, scene: &Scene, title: &str) -> Sheet {
+    let x = [0.0, along(screen, screen.snapshot.counters.updates).max(1.0)];
+    let chart = |plot: Plot| {
+        let values = plot.curves.iter().flat_map(|curve| &curve.points).map(|(_, value)| *value);
+        let top = plot.max.unwrap_or_else(|| round_top(values));
+        let mut curves: Vec<Curve> = Vec::new();
+        for PaneCurve { name, points, .. } in plot.curves {
+            let before = curves.last().map(|curve| (curve.name.clone(), curve.marker));
+            let (name, marker) = match before {
+                Some(continued) if name.is_empty() => continued,
+                Some((_, marker)) => (name, marker + 1),
+                None if name.is_empty() => (plot.title.to_owned(), 0),
+                None => (name, 0),
+            };
+            let points = points.into_iter().map(|(x, value)| Point::single(x, value)).collect();
+            curves.push(Curve { name, colour: colour(marker), marker, points });
         }
+        curves.retain(|curve| !curve.points.is_empty());
+        let labels = [axis(screen).label(), plot.title].map(str::to_owned);
+        Chart { title: String::new(), labels, x, top, curves }
     };
-    let charts = [
-        chart("success rate, share explored", &success),
-        chart("relative error of D", &errors),
-        chart("loss of D", &losses),
-    ];
+    let charts = plots(screen, scene.has_true_distances()).into_iter().take(CHARTS).map(chart);
+    let charts: Vec<Chart> = charts.collect();
     ChartPage { title, has_heading: true, charts: &charts, width: FIGURE_WIDTH, columns: 1 }.draw()
-}
-
-fn learned(snapshot: &Snapshot, points: impl Iterator<Item = (u64, f64)>) -> Vec<(u64, f64)> {
-    points.map(|(updates, value)| (snapshot.learned(updates), value)).collect()
-}
-
-fn series(
-    name: &'static str,
-    snapshot: &Snapshot,
-    value: impl Fn(&Evaluation) -> Option<f64>,
-) -> Series {
-    // Leave out what other methods reached.
-    let own =
-        |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
-    let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));
-    (name, learned(snapshot, evaluations.filter_map(|(at, e)| Some((*at, value(e)?)))))
 }
 
 #[cfg(test)]

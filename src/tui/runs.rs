@@ -9,7 +9,6 @@ mod list_view;
 #[cfg(test)]
 pub(super) mod tests;
 
-use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -43,7 +42,7 @@ use crate::experiment::plot::{Drawable, Measure, XAxis};
 use crate::experiment::saved_runs::{COLUMNS, FoundRuns, RunReader, name};
 use crate::setup::Setup;
 use gdg::job::{Job, Running};
-use list::{List, delete};
+use list::{List, Written, delete};
 use list_view::ClickAreas;
 
 /// The pause before folders are read again: at least this, and as a multiple of the time that
@@ -89,7 +88,7 @@ pub struct RunsScreen {
     is_typing: bool,
     curves: (Measure, XAxis),
     /// A question, and the files that are deleted if the user agrees.
-    deletion: Option<(String, BTreeSet<PathBuf>)>,
+    deletion: Option<(String, Written)>,
     help: Option<Dialog>,
     log: Log,
     theme: Theme,

@@ -20,14 +20,14 @@ const LIBRARY: [Room; 15] = [
     ("printing", 294),
     ("faults", 124),
     ("job", 358),
-    ("files", 883),
+    ("files", 891),
     ("store", 268),
     ("settings", 393),
-    ("map", 3_743),
+    ("map", 3_751),
     ("env", 6_483),
     ("learn", 8_823),
     ("bridge", 3_922),
-    ("train", 6_971),
+    ("train", 6_976),
     ("engine", 1_215),
     ("draw", 810),
     ("viewer", 1_651),
@@ -36,13 +36,13 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 674),
-    ("setup", 837),
+    ("setup", 842),
     ("figure", 855),
-    ("headless", 927),
-    ("experiment", 5_585),
-    ("tui", 19_324),
-    ("cli", 643),
-    ("commands", 977),
+    ("headless", 966),
+    ("experiment", 5_595),
+    ("tui", 19_327),
+    ("cli", 601),
+    ("commands", 976),
 ];
 
 /// What lies beside the modules.

@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 pub use kind::{FileFormat, Mismatch, Wanted};
 pub use read::{FileFacts, open, open_or_create, read, read_text};
 pub use write::{
-    LockFile, check_name, check_writable, is_in_use, mark_in_use, prepare, unused_path,
-    while_locked, write_atomically, write_to_unused,
+    LockFile, check_name, check_writable, is_in_use, mark_in_use, mark_output_in_use, prepare,
+    unused_path, while_locked, write_atomically, write_to_unused,
 };
 
 use crate::text::beginning;

@@ -17,7 +17,7 @@ mod text_file;
 
 pub use components::Components;
 pub use flood::{StepSearch, UNREACHABLE};
-pub use formats::{FORMATS, MapFormat, fingerprint, print_ascii};
+pub use formats::{FORMATS, MapFormat, fingerprint, image_named_in, print_ascii};
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, MapScale, is_size, size_limits};
 pub use load::{
     BUILTIN, Reading, agents_of, builtin, format_for, load_map, load_map_as, load_map_like,

@@ -92,13 +92,12 @@ impl SavedRun {
     }
 }
 
-/// Returns where a file is that `records` name: its path is relative to the folder in which the
-/// run was started, which is the present one, or else that of the records or one above it.
+/// Returns where a file is that `records` name: its path is relative to the folder in which the run was
+/// started, which is that of the records or one above it, or else the present one.
 fn found_from(records: &Path, path: String) -> PathBuf {
     let path = PathBuf::from(path);
-    let above = || records.ancestors().skip(1).map(|folder| folder.join(&path));
-    let found = if path.is_file() { None } else { above().find(|path| path.is_file()) };
-    found.unwrap_or(path)
+    let mut above = records.ancestors().skip(1).map(|folder| folder.join(&path));
+    above.find(|path| path.is_file()).unwrap_or(path)
 }
 
 /// Reads the runs in a file of records, one JSON object per line: each begins with its `start`. What

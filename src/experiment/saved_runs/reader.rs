@@ -327,5 +327,9 @@ mod tests {
             let line = read_all(folder.path())[0].json().to_string();
             assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
         }
+        // The present folder may have another of that name.
+        let text = text.replace("saves/a.safetensors", "Cargo.toml");
+        let folder = folder_of(&[("Cargo.toml", ""), ("a.jsonl", &text)]);
+        assert_eq!(read_all(folder.path())[0].checkpoint, Some(folder.path().join("Cargo.toml")));
     }
 }

@@ -33,11 +33,11 @@ const EDIT_SHARE: f64 = 0.02;
 
 const COLOURS: usize = 6;
 
-struct Plot {
-    title: &'static str,
+pub struct Plot {
+    pub title: &'static str,
     /// Those without a name continue the one before.
-    curves: Vec<PaneCurve>,
-    max: Option<f64>,
+    pub curves: Vec<PaneCurve>,
+    pub max: Option<f64>,
     /// Whether it is drawn on a logarithmic scale.
     log: bool,
 }
@@ -60,7 +60,7 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     }
 }
 
-fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
+pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     type Quantity<'a> = &'a dyn Fn(&Evaluation) -> Option<f64>;
     let (snapshot, theme) = (&screen.snapshot, &screen.theme);
     let curve = |name: &str, i: usize, points| {
@@ -186,7 +186,7 @@ pub fn along(screen: &Screen, updates: u64) -> f64 {
     (updates * screen.run().settings.train.env_steps_per_update) as f64
 }
 
-fn axis(screen: &Screen) -> XAxis {
+pub fn axis(screen: &Screen) -> XAxis {
     if has_learned(screen) { XAxis::Updates } else { XAxis::Steps }
 }
 

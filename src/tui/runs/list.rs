@@ -2,7 +2,7 @@
 //! deleted.
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -193,18 +193,19 @@ impl List {
 
     /// Returns the question whether to delete all files of the marked runs, or else of the selected
     /// one, and the files, unless one of them still grows.
-    pub fn to_delete(&self) -> Result<(String, BTreeSet<PathBuf>), String> {
+    pub fn to_delete(&self) -> Result<(String, Written), String> {
         let mut rows: Vec<&Arc<SavedRun>> = self.marks.values().collect();
         if rows.is_empty() {
             rows.extend(self.selected());
         }
         let all = rows.iter().flat_map(|run| [&run.source].into_iter().chain(&run.others));
-        let files: BTreeSet<PathBuf> = all.filter(|file| !file.is_dir()).cloned().collect();
+        let files = all.filter(|file| !file.is_dir());
+        let files: Written = files.map(|file| (file.clone(), written(file))).collect();
         if files.is_empty() {
             return Err("no file is selected".to_owned());
         }
         // A file may have other runs than those chosen.
-        let in_files = self.all.iter().filter(|run| files.contains(&run.source));
+        let in_files = self.all.iter().filter(|run| files.contains_key(&run.source));
         if let Some(run) = in_files.clone().find(|run| is_growing(run)) {
             return Err(format!("{} still grows: end its run first", name(&run.source)));
         }
@@ -212,12 +213,12 @@ impl List {
             0 => String::new(),
             others => format!(" with {} not chosen", counted(others, "run")),
         };
-        let names = files.iter().map(|file| name(file)).collect::<Vec<_>>().join(", ");
+        let names = files.keys().map(|file| name(file)).collect::<Vec<_>>().join(", ");
         // What has just been written another program may still train.
-        let written = files.iter().filter_map(|file| file.metadata().ok()?.modified().ok()).max();
+        let written = files.values().flatten().max().copied();
         let written = written.and_then(ago).map_or(String::new(), |at| format!("; written {at}"));
         let count = counted(files.len() as u64, "file");
-        Ok((format!("delete {count}{others} for good? y: yes  n: no ({names}{written})"), files))
+        Ok((format!("delete {count}{others} for good? y: yes n: no ({names}{written})"), files))
     }
 }
 
@@ -268,8 +269,19 @@ fn awaited(run: &SavedRun) -> String {
     format!("waiting for the first save of {}, {when}   Esc: the list", name(&run.source))
 }
 
-pub fn delete(files: &BTreeSet<PathBuf>) -> Result<String, String> {
-    for file in files {
+/// Files, and when each was last written.
+pub type Written = BTreeMap<PathBuf, Option<SystemTime>>;
+
+fn written(file: &Path) -> Option<SystemTime> {
+    file.metadata().ok()?.modified().ok()
+}
+
+/// Removes files, unless one has been written since it was asked.
+pub fn delete(files: &Written) -> Result<String, String> {
+    if let Some((file, _)) = files.iter().find(|(file, then)| written(file) > **then) {
+        return Err(format!("{} has just been written: nothing is deleted", file.display()));
+    }
+    for file in files.keys() {
         remove(file).map_err(|error| format!("{} is kept: {error}", file.display()))?;
     }
     Ok(format!("deleted {}", counted(files.len() as u64, "file")))

@@ -27,6 +27,7 @@ use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ScreenLayout};
+use crate::tui::log::Notice;
 use crate::tui::pane_text::{fitted_line, wrapped};
 use crate::tui::render::curves::{Axes, PaneCurve, draw_chart, draw_heading};
 use crate::tui::render::dialog::draw_picker;
@@ -352,8 +353,8 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme
 
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
     if let Some((question, _)) = &screen.deletion {
-        let text = Line::styled(format!(" {question}"), BOLD.patch(REVERSED));
-        return frame.render_widget(fitted_line(text, area.width), area);
+        let notice = Notice { text: question, is_error: true };
+        return bars::draw_notice(frame, area, &screen.theme, notice);
     }
     if let Some(notice) = screen.log.notice() {
         return bars::draw_notice(frame, area, &screen.theme, notice);

@@ -196,10 +196,18 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.show_runs(&["a", "b", "c"].map(own));
     type_text(&mut screen, " j D");
     let asked = shown_by(&mut screen, 200, 40);
-    assert!(asked.contains("for good? y: yes  n: no (b, c; written just now)"), "{asked}");
+    assert!(asked.contains("for good? y: yes n: no (b, c; written just now)"), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only y deletes");
-    type_text(&mut screen, "Dy");
+    // Another program may have resumed one, and saved it.
+    type_text(&mut screen, "D");
+    let later = SystemTime::now() + Duration::from_secs(9);
+    std::fs::File::open(path("b")).and_then(|file| file.set_modified(later)).expect("a file");
+    type_text(&mut screen, "y");
+    assert!(shown_by(&mut screen, 120, 40).contains("b has just been written: nothing is deleted"));
+    screen.show_runs(&["a", "b", "c"].map(own));
+    press(&mut screen, KeyCode::Home);
+    type_text(&mut screen, " j Dy");
     assert_eq!(["a", "b", "c"].map(|name| path(name).exists()), [true, false, false]);
     assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
     screen.show_runs(&[damaged(path("a"), ":1: not a record")]);

@@ -14,7 +14,7 @@ use crate::tui::lists;
 use gdg::engine::EngineCommand;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for, load_map};
-use gdg::train::{Run, with_setting};
+use gdg::train::{Run, is_checkpoint, with_setting};
 
 impl Session {
     /// Handles an event while a dialog is open; returns what the user has picked in it.
@@ -166,7 +166,12 @@ impl Session {
 fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, String> {
     let file = match question {
         Question::SaveMap => Path::new(typed).to_owned(),
-        Question::SaveAs => checkpoint_file(typed),
+        Question::SaveAs => match checkpoint_file(typed) {
+            file if file.is_file() && !is_checkpoint(&file) => {
+                return Err(format!("{} is no checkpoint: give another name", file.display()));
+            }
+            file => file,
+        },
         Question::Setting(_) => return Ok(None),
     };
     let (mut files, mut lost) = (vec![file], None);

@@ -15,7 +15,7 @@ use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;
 use crate::tui::lists::{self, Described};
-use gdg::files::{has_extension, is_hidden, unused_path, write_atomically};
+use gdg::files::{has_extension, is_hidden, prepare, unused_path};
 use gdg::job::{Job, Running};
 use gdg::map::{
     Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like, lost_from,
@@ -110,10 +110,13 @@ pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
     }
     let Some(maze) = cx.scene.maze_mut() else { return Ok(()) };
     let path = Path::new(name);
-    for (path, bytes) in format_for(path).write(&maze.map, path) {
-        write_atomically(&path, &bytes)
-            .map_err(|error| format!("{name} cannot be written: {error}"))?;
-    }
+    let files = format_for(path).write(&maze.map, path);
+    // All are written before any is replaced.
+    let written: std::io::Result<Vec<_>> =
+        files.iter().map(|(path, bytes)| prepare(path, bytes)).collect();
+    written
+        .and_then(|places| places.into_iter().try_for_each(|place| place()))
+        .map_err(|error| format!("{name} cannot be written: {error}"))?;
     maze.kept_map = maze.map.clone();
     cx.screen.notify(&format!("wrote {name}"));
     Ok(())

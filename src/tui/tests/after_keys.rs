@@ -172,7 +172,7 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "{end}{up} x", &["success rate over environment steps"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
     (List, LARGE, "c", &["mark two runs"], &[]),
-    (List, LARGE, "D", &["delete 1 file for good?", "y: yes  n: no"], &[]),
+    (List, LARGE, "D", &["delete 1 file for good?", "y: yes n: no"], &[]),
     (List, SMALL, "?", &["mark", "Space"], &[]),
     (List, LARGE, "?mark{enter}", &["\u{2500} A "], &[]),
 ];

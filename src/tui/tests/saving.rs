@@ -1,5 +1,7 @@
 //! Checkpoints, maps and exports are written, and nothing is lost by quitting.
 
+use std::os::unix::fs::PermissionsExt;
+
 use super::staged::staged_app;
 use super::*;
 use crate::tui::dialog::{Choice, Dialog};
@@ -135,6 +137,14 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
         assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&file(replaced)).is_ok());
     }
     assert_eq!(marks("kept.txt"), 1, "with its goal");
+    // Neither of two files if one of them cannot be.
+    std::fs::write(file("scan.pgm"), "P2 2 1 9 9 0").expect("a file");
+    std::fs::set_permissions(file("scan.yaml"), PermissionsExt::from_mode(0o444)).expect("a file");
+    save_as(&mut app, "scan.yaml");
+    press(&mut app, KeyCode::Enter);
+    assert!(shown_by(&mut app, 200, 40).contains("is write-protected"));
+    assert_eq!(std::fs::read_to_string(file("scan.pgm")).expect("a file"), "P2 2 1 9 9 0");
+    press(&mut app, KeyCode::Esc);
     // Starts and goals that the format does not have.
     let shown = save_as(&mut app, "rooms.map");
     let said = ["the format movingai has no goals", "NAME.txt keeps them"];

@@ -35,6 +35,7 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
         bridges: None,
         coverage: Some(coverage(at)),
         marked: None,
+        scenario: None,
     }
 }
 

@@ -5,6 +5,7 @@
 
 use std::fs::{File, Metadata, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result, Write};
+use std::os::fd::AsFd;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -272,7 +273,14 @@ pub fn mark_in_use(path: &Path) -> Option<File> {
     file.try_lock().ok().map(|()| file)
 }
 
-/// Whether a handle returned by [`mark_in_use`] marks the file at `path`.
+/// Marks the file that standard output goes to, if it is one, as in use until the program ends.
+pub fn mark_output_in_use() {
+    let output = std::io::stdout().as_fd().try_clone_to_owned();
+    // What is locked is the open file, which this handle shares.
+    let _ = output.map(|output| File::from(output).try_lock_shared());
+}
+
+/// Whether a program has marked the file at `path`.
 pub fn is_in_use(path: &Path) -> bool {
     let file = OpenOptions::new().write(true).open(path);
     file.is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))

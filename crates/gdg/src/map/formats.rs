@@ -16,7 +16,7 @@ use super::text_file::{MapError, MapResult, TextFile, TextPosition};
 use crate::text::counted;
 use images::Image;
 pub use plain_text::print_ascii;
-pub use yaml::{AgentTask, agents, has_agents, is_mapf};
+pub use yaml::{AgentTask, agents, has_agents, image_named_in, is_mapf};
 
 /// A file that is read as a map.
 pub struct Source<'a> {

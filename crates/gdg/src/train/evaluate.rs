@@ -11,7 +11,8 @@ use super::score::{
 };
 use crate::bridge::{BridgeGraph, Candidates, Edge, Guide, LINK_CANDIDATES};
 use crate::env::{
-    EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs,
+    EnvError, Environment, Episodes, Evaluated, GroundTruth, NEAR_STEPS, Recorded, Task, TaskSet,
+    TruePairs,
 };
 use crate::job::Job;
 use crate::learn::{Acting, Policy, Scratch};
@@ -99,6 +100,7 @@ impl EvaluationJob {
             greedy: greedy_score,
             planned: planned_score,
             straight: self.straight_score(tasks)?,
+            scenario: world.abilities().recorded.and_then(Recorded::scenario),
         })
     }
 

@@ -25,6 +25,9 @@ pub struct Evaluation {
     /// The world's default task, if it has one (on a map: from its first start to its first goal).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub marked: Option<MarkedTask>,
+    /// Identifies the given tasks, of a scenario; `None` for random ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scenario: Option<String>,
 }
 
 impl Evaluation {

@@ -3,7 +3,7 @@
 //! dimensions, obstacles, and each agent's start and goal). Lists of Python and JSON are YAML too.
 
 use std::borrow::Cow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use saphyr_parser::{Event, Parser, StrInput};
@@ -220,6 +220,14 @@ fn has_key(text: &TextFile, key: &str) -> bool {
 /// What is occupied or free unless a map of ROS says so: as in ROS 1.
 const OCCUPIED: f32 = 0.65;
 const FREE: f32 = 0.196;
+
+/// Returns the image that the map of ROS at `path` names, if it is one.
+pub fn image_named_in(path: &Path) -> Option<PathBuf> {
+    let (file, bytes) = (path.to_string_lossy(), read_file(path, "map").ok()?);
+    let text = TextFile::new(&file, &bytes).ok()?;
+    let root = tree_from(&text, 0).ok().filter(|_| has_key(&text, "image"))?;
+    Some(path.parent()?.join(root.get("image")?.scalar(&text, "", ROS_KEYS).ok()?))
+}
 
 fn read_ros(source: &Source) -> MapResult<Grid> {
     let text = source.text()?;
