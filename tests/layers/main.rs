@@ -39,7 +39,7 @@ const PROGRAM: [Room; 8] = [
     ("setup", 842),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_600),
+    ("experiment", 5_608),
     ("tui", 19_346),
     ("cli", 601),
     ("commands", 976),
