@@ -37,7 +37,7 @@ use records::Record;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same
 /// run prints the same records.
-const PROGRESS_EVERY_UPDATES: u64 = 1_000;
+pub const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
 /// Time between looks for a signal while another thread works.
 const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);

@@ -192,6 +192,13 @@ fn tables_never_replace_what_the_run_reads() {
         );
         assert_eq!(std::fs::read_to_string(folder.path().join(name)).unwrap(), text);
     }
+    // Nor anything else that is no table, such as what a checkpoint names or a module of Python.
+    std::fs::write(folder.path().join("own.py"), "import numpy\n").unwrap();
+    for args in ["--no-ui own.txt --max-updates 5 --csv own.py", "export-data none --out own.py"] {
+        let command = &mut isolated_command(folder.path());
+        let (status, _, errors) = outcome(command.args(words(args)).arg("--overwrite"));
+        assert!(status == 2 && errors.contains("own.py: is not "), "{errors}");
+    }
     // Nor the image of a map, nor where the records go.
     let scan = ["scan.yaml", "scan.pgm"].map(|name| folder.path().join(name));
     std::fs::write(&scan[0], "image: scan.pgm\nresolution: 1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n").unwrap();

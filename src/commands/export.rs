@@ -9,7 +9,7 @@ use miette::{IntoDiagnostic, Report};
 use crate::cli::{ExportArgs, ExportPolicyArgs};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::{prepare_file, refuse_existing};
+use crate::setup::outputs::{prepare_file, refuse_existing, refuse_input, refuse_other_kind};
 use gdg::files;
 use gdg::train::{Registry, Trainer, data_file, load_with, policy_file};
 
@@ -27,11 +27,17 @@ fn export(
         files::named(folder, checkpoint.file_stem().unwrap_or_default(), end)
     });
     refuse_existing(&path, *overwrite)?;
+    match end {
+        ".npz" => refuse_other_kind(&path, "recorded transitions", |at| at.starts_with(b"PK"))?,
+        _ => refuse_other_kind(&path, "a policy", |start| start.get(8) == Some(&b'{'))?,
+    }
     let reading = Waiting::on("reading the checkpoint");
     let registry = registry.clone().only_reading();
     let loaded = load_with(checkpoint, &registry, 1, &reading);
     drop(reading);
-    prepare_file(&path, &encode(&loaded.map_err(from_checkpoint_error)?)?)?()
+    let trainer = loaded.map_err(from_checkpoint_error)?;
+    refuse_input("--out", &path, trainer.data().map(|data| data.file.as_path()).into_iter())?;
+    prepare_file(&path, &encode(&trainer)?)?()
 }
 
 /// Writes the transitions of a checkpoint's replay buffer.

@@ -9,7 +9,7 @@ use crate::cli::TrainArgs;
 use crate::experiment::suite;
 use crate::process::errors::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::setup::find_maps::{self, THRESHOLD, find_map, known_name};
-use crate::setup::outputs::{refuse_existing, refuse_input, save_to};
+use crate::setup::outputs::{refuse_existing, refuse_input, refuse_other_kind, save_to};
 use crate::setup::saves::{self, SAVES};
 use crate::setup::values::EditAt;
 use crate::setup::{self, Setup, settings};
@@ -68,6 +68,9 @@ pub fn prepare(
         // A resumed run replaces its own table, and leaves another one alone.
         refuse_existing(path, args.headless.overwrite || resumed.is_some())?;
         refuse_input("--csv", path, inputs(args, resumed.as_deref()))?;
+        if args.headless.overwrite {
+            refuse_other_kind(path, "a table of gdg-tui", |start| start.starts_with(b"event,"))?;
+        }
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())

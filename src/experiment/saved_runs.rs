@@ -19,6 +19,7 @@ use serde_json::{Map, Value, json};
 
 use super::folder::read_result;
 use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
+use crate::headless::PROGRESS_EVERY_UPDATES;
 use crate::headless::records::Progress;
 use crate::process::errors::from_checkpoint_error;
 use crate::setup::saves::{ago, files_in, rate};
@@ -82,6 +83,8 @@ pub struct SavedRun {
     pub evaluations: Vec<EvaluationAt>,
     /// Its checkpoint, if it is known to have had one.
     pub checkpoint: Option<PathBuf>,
+    /// Updates at which its records say that it was saved last.
+    pub saved_at: Option<u64>,
     /// Its other files, which are not listed besides.
     pub others: Vec<PathBuf>,
     /// What of it cannot be read, as it follows the name of the file: `:3: not a record`.
@@ -166,9 +169,17 @@ impl SavedRun {
         match self.end {
             Some(_) if is_job && is_held() => RunState::Running,
             Some(end) => end,
-            None if is_within(QUIET) || is_in_use(&self.source) => RunState::Running,
+            None if is_within(QUIET.max(self.between_records())) || is_in_use(&self.source) => {
+                RunState::Running
+            }
             None => RunState::CutOff,
         }
+    }
+
+    /// Returns some times the time between two of its records.
+    fn between_records(&self) -> Duration {
+        let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
+        Duration::try_from_secs_f64(seconds).unwrap_or_default()
     }
 
     /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.

@@ -1,5 +1,6 @@
 //! The files that a run writes: which may be replaced, and where the others go.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
@@ -82,6 +83,18 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     }
     let help = "give another name, or --overwrite";
     Err(miette!(help = help, "{}: the file already exists", path.display()))
+}
+
+/// Checks that an existing file, which `--overwrite` would replace, is empty or begins as `what` does:
+/// it may be what a run has learned from, or a program.
+pub fn refuse_other_kind(path: &Path, what: &str, is: fn(&[u8]) -> bool) -> Result<(), Report> {
+    let mut start = Vec::new();
+    let read = files::open(path).and_then(|file| file.take(32).read_to_end(&mut start));
+    if read.is_err() || start.is_empty() || is(&start) {
+        return Ok(());
+    }
+    let (file, help) = (path.display(), "give another name");
+    Err(miette!(help = help, "{file}: is not {what} and is not replaced"))
 }
 
 /// Writes a file, and the folders that it is in, under another name; returns what gives it its own, and

@@ -46,7 +46,10 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
     let results: HashMap<PathBuf, usize> =
         all(RunKind::Result).into_iter().map(|i| (stem(i), i)).collect();
     for i in records.iter().chain(&checkpoints) {
-        into[*i] = results.get(&stem(*i)).copied();
+        // A checkpoint may have been trained on.
+        into[*i] = results.get(&stem(*i)).copied().filter(|result| {
+            runs[*i].kind == RunKind::Records || runs[*i].updates <= runs[*result].updates
+        });
     }
     let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
     let is_open = |into: &[Option<usize>], all: &[usize]| -> Vec<usize> {
@@ -70,7 +73,7 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
         // another, does not have what it has.
         let last = |part| std::iter::successors(Some(part), |part| into[*part]).last();
         into[i] = named
-            .filter(|part| runs[*part].is_same(&runs[i]))
+            .filter(|part| runs[*part].has_saved(&runs[i]))
             .filter_map(last)
             .find(|last| runs[*last].checkpoint.as_ref().is_some_and(|path| whole(path) == file));
     }
@@ -118,8 +121,19 @@ impl SavedRun {
         let from = self.resumed.as_ref().or(self.checkpoint.as_ref()).map(|path| whole(path));
         let written = other.checkpoint.iter().chain([&other.source]).chain(&other.others);
         self.begun > other.begun
+            && other.saved_at.is_none_or(|at| at <= self.begun)
             && self.is_same(other)
             && from.is_some_and(|from| written.into_iter().any(|path| whole(path) == from))
+    }
+
+    /// Whether these records can be of the run in a checkpoint that they name: it has what was
+    /// evaluated before their last save. Others may have replaced the file.
+    fn has_saved(&self, checkpoint: &Self) -> bool {
+        let at = self.saved_at.unwrap_or(0);
+        let is_evaluated = self.evaluations.iter().any(|evaluated| evaluated.updates <= at);
+        self.is_same(checkpoint)
+            && checkpoint.updates >= at
+            && (!is_evaluated || self.is_of_one_run(checkpoint))
     }
 
     /// Adds the part that it was resumed from.
@@ -137,6 +151,7 @@ impl SavedRun {
         self.evaluations.splice(0..0, before.evaluations);
         (self.begun, self.resumed) = (before.begun, before.resumed);
         self.checkpoint = self.checkpoint.take().or(before.checkpoint);
+        self.saved_at = self.saved_at.or(before.saved_at);
         self.problem = before.problem.or(self.problem.take());
     }
 
@@ -225,6 +240,11 @@ mod tests {
         let replaced = SavedRun { seed: 4, ..checkpoint(&[1]) };
         let unsaved =
             SavedRun { checkpoint: None, resumed: Some(PATH.into()), ..part("2.jsonl", 2, &[3]) };
+        let ended = SavedRun { saved_at: Some(2_000), ..first.clone() };
+        let edited =
+            SavedRun { saved_at: Some(5_000), edits: vec![(1, "b".to_owned())], ..first.clone() };
+        let mut other_times = checkpoint(&[1, 2, 3]);
+        other_times.evaluations.iter_mut().for_each(|at| at.seconds = 9.0);
         let renamed =
             SavedRun { checkpoint: Some("saves/b.safetensors".into()), ..unsaved.clone() };
         let elsewhere =
@@ -259,6 +279,14 @@ mod tests {
                 &[&first, &saved, &renamed],
                 &["saves/a.safetensors [] 1.0 2.0", "2.jsonl [1.jsonl] 1.0 2.0 3.2"],
             ),
+            // Another run has replaced the file: with fewer updates, or other evaluations.
+            (&[&ended, &checkpoint(&[1])], &["1.jsonl [] 1.0 2.0", "saves/a.safetensors [] 1.0"]),
+            (
+                &[&ended, &other_times],
+                &["1.jsonl [] 1.0 2.0", "saves/a.safetensors [] 1.9 2.9 3.9"],
+            ),
+            // And another goes on from it, on an edited map.
+            (&[&edited, &second], &["1.jsonl [] 1.0 2.0", "2.jsonl [] 3.2 4.2 5.2"]),
             // A run that began anew has replaced the file.
             (
                 &[&first, &saved, &part("2.jsonl", 0, &[3])],

@@ -81,7 +81,10 @@ impl SavedRun {
                 self.edits.retain(|(at, _)| *at != updates);
                 self.edits.push((updates, to.unwrap_or_else(|| UNKNOWN.to_owned())));
             }
-            Record::Saved { path, .. } => self.checkpoint = Some(found_from(&self.source, path)),
+            Record::Saved { path, updates } => {
+                self.checkpoint = Some(found_from(&self.source, path));
+                self.saved_at = Some(updates);
+            }
             Record::End { reason, .. } => {
                 let interrupted = reason == EndReason::Interrupted;
                 self.end = Some(if interrupted { RunState::Interrupted } else { RunState::Done });

@@ -290,7 +290,7 @@ fn written(file: &Path) -> Option<SystemTime> {
 
 /// Removes files, unless one has been written since it was asked.
 pub fn delete(files: &Written) -> Result<String, String> {
-    if let Some((file, _)) = files.iter().find(|(file, then)| written(file) > **then) {
+    if let Some((file, _)) = files.iter().find(|(file, then)| written(file) != **then) {
         return Err(format!("{} has just been written: nothing is deleted", file.display()));
     }
     for file in files.keys() {
