@@ -406,8 +406,7 @@ fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     let mut painter =
         Painter { canvas, screen, theme, place: &place, state: &place, sizes: [2, 2] };
     if past.is_none() {
-        let near = maze.inspecting.or(maze.hovered).unwrap_or(maze.goal).centre();
-        painter.edges(&view.graph, near, false);
+        painter.edges(&view.graph, false);
         painter.candidates(&view.graph);
         let floored = |places: &[[f32; 2]]| -> Vec<[f32; 2]> {
             places.iter().map(|at| on_floor(*at)).collect()
