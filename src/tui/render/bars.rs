@@ -224,9 +224,8 @@ pub fn keys(
         Mode::Elsewhere => (b.is_active(mode) || b.is_active(own)) && !b.changes_run(),
         _ => b.is_active(mode),
     };
-    let offered = |b: &&Binding| legend::offers(&**scene, screen, b.action);
-    let shown = bindings().filter(|b| !b.short.is_empty()).filter(offered);
-    for binding in shown.filter(is_shown) {
+    let does = |b: &&Binding| !b.short.is_empty() && legend::offers(&**scene, screen, b.action);
+    for binding in bindings().filter(does).filter(is_shown) {
         let label = match binding.action {
             Action::TogglePause if !screen.snapshot.phase.is_training() => "resume",
             Action::Quit if screen.from_list => "list",

@@ -253,7 +253,9 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
         }
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
-    let title = format!(" {} over {}", measure.label(), axis.label());
+    let is_share = measure != Measure::Error;
+    let what = if is_share { measure.label() } else { "D off by" };
+    let title = format!(" {what} over {}", axis.label());
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
@@ -267,7 +269,6 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
         return head;
     }
     let last = points().map(|point| point.0).fold(1.0, f64::max);
-    let is_share = measure != Measure::Error;
     let high = if is_share { 1.0 } else { points().map(|point| point.1).fold(0.01, f64::max) };
     let y_labels = [0.0, high]
         .map(|y| if is_share { format!("{y:.1}") } else { format!("{:.0} %", 100.0 * y) });
