@@ -52,7 +52,7 @@ fn is_same(a: &SavedRun, b: &SavedRun) -> bool {
 }
 
 /// Whether its file grows: another program trains the run.
-fn is_growing(run: &SavedRun) -> bool {
+pub fn is_growing(run: &SavedRun) -> bool {
     !run.is_damaged() && run.state() == RunState::Running
 }
 

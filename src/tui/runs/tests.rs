@@ -159,6 +159,10 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
         saved(&path(name).to_string_lossy(), map, "gdg", 7, &[])
     };
     let mut screen = screen();
+    let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
+    let grows = Arc::new(SavedRun { written: Some(SystemTime::now()), ..grows });
+    screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
+    assert!(shown_by(&mut screen, 200, 40).contains("Enter watch"));
     screen.show_runs(&[own("c", "own"), own("b", "own"), own("a", "own")]);
     type_text(&mut screen, " jjc");
     let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None, watches: None };
@@ -171,8 +175,6 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     let wish = Wish { file: path("a"), beside: None, warning: None, watches: None };
     assert_eq!(screen.wish.take(), Some(wish));
     // Another program still trains it.
-    let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
-    let grows = Arc::new(SavedRun { written: Some(SystemTime::now()), ..grows });
     screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
     press(&mut screen, KeyCode::Enter);
     let wish = screen.wish.take().expect("to watch it");
