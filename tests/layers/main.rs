@@ -36,13 +36,13 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 674),
-    ("setup", 842),
+    ("setup", 855),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_608),
+    ("experiment", 5_650),
     ("tui", 19_346),
     ("cli", 601),
-    ("commands", 976),
+    ("commands", 985),
 ];
 
 /// What lies beside the modules.
