@@ -172,7 +172,7 @@ pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
     let is_short =
         |(job, usual): &(&JobSpec, u64)| (job.plan.length.amount() as f64) < SHORT * *usual as f64;
     if let Some((job, usual)) = jobs.into_iter().find(is_short) {
-        let (name, length, usual) = (job.world.name(), job.plan.length, grouped(*usual));
+        let (name, length, usual) = (job.world.name(), job.plan.length, grouped(usual));
         eprint_line(&sanitized(&format!(
             "warning: {} {} on {name}, where {usual} are usual, are too few to compare methods",
             grouped(length.amount()),

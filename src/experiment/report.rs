@@ -157,7 +157,8 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
         }
     }
     if !as_markdown {
-        return aligned(&lines) + &format!("In brackets: {BRACKETS}.\n");
+        let (table, note) = (aligned(&lines), format!("In brackets: {BRACKETS}.\n"));
+        return if table.contains(") ") { table + &note } else { table };
     }
     markdown_table(&format!("ll{}", "r".repeat(lines[0].len() - 2)), &lines)
 }
