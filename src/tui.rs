@@ -95,7 +95,8 @@ pub struct PreparedInterface {
     config: UiConfig,
     keymap: Keymap,
     termination: TerminationSignal,
-    pub notice: Option<&'static str>,
+    /// Whether quitting leads back to a list of runs.
+    pub from_list: bool,
     stage: TerminalStage,
 }
 
@@ -119,7 +120,7 @@ pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> 
     config.marker = options.marker.unwrap_or(config.marker);
     let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let stage = TerminalStage::new(config.marker, termination.clone());
-    Ok(PreparedInterface { config, keymap, termination, notice: None, stage })
+    Ok(PreparedInterface { config, keymap, termination, from_list: false, stage })
 }
 
 /// Checks that as many files can be open as the interface needs: the libraries that it uses panic
@@ -170,7 +171,7 @@ impl PreparedInterface {
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let keymap = self.keymap.clone();
         let mut session = Session::new(engine.link(), viewer, &self.config, keymap, save);
-        self.notice.inspect(|notice| session.screen.notify(notice));
+        session.screen.from_list = self.from_list;
         begin(&mut session);
         self.stage.show(App::new(session), |app| app.close(vec![engine]))
     }
@@ -188,12 +189,11 @@ pub fn take_tour(trainer: Trainer, interface: &mut PreparedInterface) -> Closing
 
 pub fn compare(contestants: Contestants, interface: &mut PreparedInterface) -> Closing {
     let Contestants { both, warnings } = contestants;
-    let PreparedInterface { config, keymap, notice, stage, .. } = interface;
+    let PreparedInterface { config, keymap, from_list, stage, .. } = interface;
     let (mut comparison, engines) = Comparison::start(both, config, keymap, Limits::default())?;
-    let notices: Vec<&str> =
-        notice.iter().copied().chain(warnings.iter().map(String::as_str)).collect();
-    if !notices.is_empty() {
-        comparison.notify(&notices.join("; "));
+    comparison.sessions.iter_mut().for_each(|s| s.screen.from_list = *from_list);
+    if !warnings.is_empty() {
+        comparison.notify(&warnings.join("; "));
     }
     stage.show(App::of(comparison), |app| app.close(engines.into()))
 }

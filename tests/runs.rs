@@ -116,7 +116,7 @@ fn a_run_is_found_and_resumed_on_a_terminal() {
     let mut session = Session::start(folder.path(), &["runs"]);
     session.wait_for("2 runs");
     session.press_for("/trap\r", "1 of 2 runs");
-    session.press_for("\r", "q leads back to the list of runs");
+    session.press_for("\r", "q list");
     session.press_for("q", "1 of 2 runs");
     session.press("q");
     assert_eq!(session.end(), 0);

@@ -72,9 +72,8 @@ fn show(
     let mut list = RunsScreen::open(places, awaited, opener, interface)?;
     let (mut status, mut notice) = (0, String::new());
     loop {
-        interface.notice = None;
         let (left, opened, signalled) = list.show(interface, &notice)?;
-        interface.notice = (!awaits).then_some("q leads back to the list of runs");
+        interface.from_list = !awaits;
         let Some(opened) = opened else { return Ok((status.max(signalled), String::new())) };
         let (ended, files) = shown(opened, interface)?;
         (list, status, notice) = (left, status.max(ended), files);

@@ -146,7 +146,7 @@ impl Drawable for Measure {
     fn names(self) -> [&'static str; 2] {
         match self {
             Self::Success => ["success", "success rate"],
-            Self::Greedy => ["greedy", "success rate without plans"],
+            Self::Greedy => ["greedy", "success rate, actor alone"],
             Self::Error => ["error", "relative error of D"],
             Self::Coverage => ["coverage", "share explored"],
         }

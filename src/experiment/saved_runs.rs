@@ -272,7 +272,7 @@ pub const COLUMNS: [RunColumn; 9] = [
     number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
     number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
     number("success", |run| rate(success(run)), success),
-    number("greedy", |run| rate(greedy(run)), greedy),
+    number("alone", |run| rate(greedy(run)), greedy),
     text("state", |run| run.state().name().to_owned()),
     number(
         "written",

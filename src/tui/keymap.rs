@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crokey::{KeyCombination, KeyCombinationFormat, OneToThree};
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-use super::action::{Action, Binding, Both, Mode, bindings};
+use super::action::{Action, Binding, Both, Mode, binding_of, bindings};
 use gdg::text::did_you_mean;
 
 /// The keys of all bindings.
@@ -74,15 +74,16 @@ impl Keymap {
         of(mode).or_else(|| adds.then(|| of(Mode::Watching)).flatten())
     }
 
-    /// Returns the first key of `action` for display, or the key of the help, which has all actions, if it has none.
+    /// Returns the first key of `action` for display; without one, how the help finds it.
     pub fn key_of(&self, action: Action) -> String {
         let first = |action| {
             bindings()
                 .filter(|b| b.action == action)
                 .find_map(|b| self.display_keys(b).into_iter().next())
         };
-        let unbound = || first(Action::Help).map_or("-".to_owned(), |key| format!("{key} ..."));
-        first(action).unwrap_or_else(unbound)
+        let name = binding_of(action).map_or("", |b| b.name);
+        let find = |key| format!("{key} and type {name}");
+        first(action).or(first(Action::Help).map(find)).unwrap_or_else(|| "-".to_owned())
     }
 
     pub fn display_keys(&self, binding: &Binding) -> Vec<String> {

@@ -331,7 +331,7 @@ pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
 
 fn about(d: &RunDescription, zone: &TimeZone) -> String {
     let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
-        (Some(planned), Some(greedy)) => format!("success {planned:.2}, greedy {greedy:.2}"),
+        (Some(planned), Some(greedy)) => format!("success {planned:.2}, alone {greedy:.2}"),
         (_, Some(greedy)) => format!("success {greedy:.2}"),
         (_, None) => "no tasks".to_owned(),
     });

@@ -348,13 +348,12 @@ impl RunsScreen {
             let reply = help.mouse(mouse.kind, at, &self.places.layout);
             return self.follow_help(reply);
         }
-        let wheel = match mouse.kind {
-            MouseEventKind::ScrollUp => -WHEEL,
-            MouseEventKind::ScrollDown => WHEEL,
-            MouseEventKind::Down(MouseButton::Left) => return self.on_click(at),
-            _ => return,
-        };
-        self.list.step(wheel);
+        match mouse.kind {
+            MouseEventKind::ScrollUp => self.list.step(-WHEEL),
+            MouseEventKind::ScrollDown => self.list.step(WHEEL),
+            MouseEventKind::Down(MouseButton::Left) => self.on_click(at),
+            _ => {}
+        }
     }
 
     fn on_click(&mut self, at: Position) {

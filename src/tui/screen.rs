@@ -78,6 +78,8 @@ pub struct Screen {
     pub elsewhere: Option<[String; 2]>,
     /// The bridge search that the tour explains, instead of the latest.
     pub explained: Option<Arc<SearchOutcome>>,
+    /// Whether quitting leads back to a list of runs.
+    pub from_list: bool,
     /// Whether a hint explains the screen, until a goal is set.
     pub explains: bool,
     /// Where things were last drawn.
@@ -121,6 +123,7 @@ impl Screen {
             tour: None,
             elsewhere: None,
             explained: None,
+            from_list: false,
             explains: false,
             layout: ScreenLayout::default(),
             engine,

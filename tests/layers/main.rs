@@ -39,8 +39,8 @@ const PROGRAM: [Room; 8] = [
     ("setup", 842),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_595),
-    ("tui", 19_327),
+    ("experiment", 5_608),
+    ("tui", 19_346),
     ("cli", 601),
     ("commands", 976),
 ];

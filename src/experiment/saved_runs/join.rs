@@ -64,14 +64,15 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
         run.checkpoint.iter().for_each(|path| naming.entry(whole(path)).or_default().push(*i));
     }
     for i in is_open(&into, &checkpoints) {
-        let named = naming.get(&whole(&runs[i].source)).into_iter().flatten();
-        // Others may have begun anew and replaced the file. What goes on from it unsaved does not have
-        // what it has.
-        let goes_on_saved = |part: usize| {
-            let last = std::iter::successors(Some(part), |part| into[*part]).last();
-            last.is_some_and(|last| runs[last].checkpoint.is_some())
-        };
-        into[i] = named.copied().find(|part| runs[*part].is_same(&runs[i]) && goes_on_saved(*part));
+        let file = whole(&runs[i].source);
+        let named = naming.get(&file).into_iter().flatten().copied();
+        // Others may have begun anew and replaced the file. What goes on from it, unsaved or saved to
+        // another, does not have what it has.
+        let last = |part| std::iter::successors(Some(part), |part| into[*part]).last();
+        into[i] = named
+            .filter(|part| runs[*part].is_same(&runs[i]))
+            .filter_map(last)
+            .find(|last| runs[*last].checkpoint.as_ref().is_some_and(|path| whole(path) == file));
     }
     for i in records.into_iter().chain(checkpoints) {
         if let Some(host) = into[i] {
@@ -224,6 +225,8 @@ mod tests {
         let replaced = SavedRun { seed: 4, ..checkpoint(&[1]) };
         let unsaved =
             SavedRun { checkpoint: None, resumed: Some(PATH.into()), ..part("2.jsonl", 2, &[3]) };
+        let renamed =
+            SavedRun { checkpoint: Some("saves/b.safetensors".into()), ..unsaved.clone() };
         let elsewhere =
             SavedRun { resumed: Some("saves/c.safetensors".into()), ..part("3.jsonl", 2, &[3]) };
         let set = SavedRun { settings: vec!["n_step=1".to_owned()], ..first.clone() };
@@ -249,6 +252,11 @@ mod tests {
             // What goes on from it is not saved yet.
             (
                 &[&first, &saved, &unsaved],
+                &["saves/a.safetensors [] 1.0 2.0", "2.jsonl [1.jsonl] 1.0 2.0 3.2"],
+            ),
+            // It is saved to another file.
+            (
+                &[&first, &saved, &renamed],
                 &["saves/a.safetensors [] 1.0 2.0", "2.jsonl [1.jsonl] 1.0 2.0 3.2"],
             ),
             // A run that began anew has replaced the file.

@@ -92,12 +92,13 @@ impl SavedRun {
     }
 }
 
-/// Returns where a file is that `records` name: its path is relative to the folder in which the run was
-/// started, which is that of the records or one above it, or else the present one.
+/// Returns where a file is that `records` name: beside them, as their folder may be a copy; or else its
+/// path is relative to the folder in which the run was started, one above them or the present one.
 fn found_from(records: &Path, path: String) -> PathBuf {
     let path = PathBuf::from(path);
-    let mut above = records.ancestors().skip(1).map(|folder| folder.join(&path));
-    above.find(|path| path.is_file()).unwrap_or(path)
+    let beside = path.file_name().map(|name| records.with_file_name(name));
+    let above = records.ancestors().skip(1).map(|folder| folder.join(&path));
+    beside.into_iter().chain(above).find(|path| path.is_file()).unwrap_or(path)
 }
 
 /// Reads the runs in a file of records, one JSON object per line: each begins with its `start`. What

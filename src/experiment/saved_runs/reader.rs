@@ -327,9 +327,13 @@ mod tests {
             let line = read_all(folder.path())[0].json().to_string();
             assert!(line.contains("a\u{fffd}.jsonl"), "{line}");
         }
-        // The present folder may have another of that name.
-        let text = text.replace("saves/a.safetensors", "Cargo.toml");
-        let folder = folder_of(&[("Cargo.toml", ""), ("a.jsonl", &text)]);
-        assert_eq!(read_all(folder.path())[0].checkpoint, Some(folder.path().join("Cargo.toml")));
+        // The present folder, or one above, may have another of that name.
+        for named in ["Cargo.toml", "saves/Cargo.toml"] {
+            let text = text.replace("saves/a.safetensors", named);
+            let folder =
+                folder_of(&[("saves/Cargo.toml", ""), ("b/Cargo.toml", ""), ("b/a.jsonl", &text)]);
+            let own = folder.path().join("b/Cargo.toml");
+            assert_eq!(read_all(&folder.path().join("b"))[0].checkpoint, Some(own));
+        }
     }
 }

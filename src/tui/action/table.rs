@@ -85,7 +85,7 @@ impl Binding {
                 A::Projection | A::Alone => format!("{title} has one view"),
                 A::ToggleEdit => format!("{title} cannot be edited"),
                 A::Toggle(Overlay::Ghost) => {
-                    format!("{title} has no ghost: plan and actor cannot begin in the same state")
+                    format!("{title}: the actor alone cannot begin in the state where a plan does")
                 }
                 _ => format!("{title} has no map, which \"{}\" is for", self.name),
             };
@@ -253,10 +253,10 @@ const VIEW: &[Binding] = &[
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
     overlay(Overlay::Ghost, "ghost", &["shift-a"])
         .about(
-            "the ghost: the actor alone from the same start, on or off",
+            "the actor alone from the same start, as a ghost, on or off",
             "pale compare plan walker",
         )
-        .short("ghost"),
+        .short("alone"),
     watch_scene(A::Inspect, "inspect", &["i"])
         .about("inspect cells with a cursor", "look value info cell query coordinates position")
         .each(),
@@ -301,7 +301,7 @@ const PANES: &[Binding] = &[
     pane(Pane::Training, "training", &["1"])
         .about("training progress and success", "statistics numbers pane panel"),
     pane(Pane::Curves, "curves", &["2"])
-        .about("curves of success, coverage, losses and errors", "plots charts graphs history"),
+        .about("curves of success, exploration, losses and errors", "plots charts graphs history"),
     pane(Pane::Walk, "walk", &["3"]).about("the walking agent", "pane panel"),
     pane(Pane::Legend, "legend", &["4"])
         .about("legend of the map", "key meaning symbols overlays layers signs pane panel"),
@@ -423,7 +423,7 @@ const RUNS: &[Binding] = &[
     ),
     on_runs(ListAction::Measure, "runs-curves", &["v"])
         .short("curves")
-        .help("curves of success, success without plans, error of D, or what was explored"),
+        .help("curves of success, of the actor alone, how far D is off, or the share explored"),
     on_runs(ListAction::Axis, "runs-axis", &["x"])
         .short("axis")
         .help("curves over updates, environment steps or seconds"),

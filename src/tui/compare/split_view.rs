@@ -189,7 +189,7 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     let rate = |rate: f64| format!("{rate:.2}");
     let plans = session.screen.run().method.plans();
     // Unknown values are shown too, so that what follows does not move.
-    let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
+    let alone = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
     let planned = success
         .map_or_else(unknown, |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
     let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
@@ -207,9 +207,9 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     let facts = [
         ("steps", short(counters.env_steps as f64), String::new()),
         ("updates", short(counters.updates as f64), format!(" ({}/s)", short(snapshot.rates.0))),
-        ("success", planned, if plans { format!(" (greedy {greedy})") } else { String::new() }),
+        ("success", planned, if plans { format!(" (alone {alone})") } else { String::new() }),
         ("races", raced, String::new()),
-        ("D error", error, format!(" (at update {at})")),
+        ("D off by", error, format!(" (update {at})")),
         (state, walk.steps.to_string(), shortest),
     ];
     let fact = |(name, value, aside): &(&str, String, String)| {
@@ -261,7 +261,7 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
     let name = format!("{} {}", LETTERS[own], run.method.name());
     let faint = fainter.add_modifier(Modifier::DIM);
     let actor = PaneCurve {
-        name: "greedy".to_owned(),
+        name: "alone".to_owned(),
         style: faint,
         marker: curves::marker(&screen.theme, own + LETTERS.len()),
         points: points(&|e| e.greedy.success),

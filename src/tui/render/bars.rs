@@ -37,8 +37,9 @@ pub fn draw_header(page: &mut ScreenPainter, area: Rect) {
         screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
     let changed = screen.changed_settings.len();
     let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
+    let name = if screen.elsewhere.is_some() { " gdg-tui watch " } else { " gdg-tui " };
     let mut parts = vec![
-        (Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), Action::Help),
+        (Span::styled(name, BOLD.patch(REVERSED)), Action::Help),
         (Span::styled(format!(" {} ", scene.title(&screen.snapshot)), BOLD), Action::OpenMap),
         (Span::raw(format!("{} ", run.method.name())), Action::Method),
         (Span::raw(format!("{} {changed}", run.preset.name())), Action::Preset),
@@ -208,8 +209,8 @@ pub fn draw_notice(frame: &mut Frame, at: Rect, theme: &Theme, notice: Notice) {
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// Returns the actions of `mode` that have a short name and fit: where room is short, they move
-/// together, then those in the middle are left out, but not the panes if they are hidden.
+/// Returns the actions of `mode` that have a short name, do something and fit: where room is short,
+/// those in the middle are left out, but not the panes if they are hidden.
 pub fn keys(
     screen: &Screen,
     scene: &Scene,
@@ -223,10 +224,14 @@ pub fn keys(
         Mode::Elsewhere => (b.is_active(mode) || b.is_active(own)) && !b.changes_run(),
         _ => b.is_active(mode),
     };
-    let shown = bindings().filter(|b| !b.short.is_empty() && scene.offers(b.action));
-    for binding in shown.filter(is_shown) {
-        let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
-        keys.push((binding.action, if idle { "resume" } else { binding.short }));
+    let does = |b: &&Binding| !b.short.is_empty() && legend::offers(&**scene, screen, b.action);
+    for binding in bindings().filter(does).filter(is_shown) {
+        let label = match binding.action {
+            Action::TogglePause if !screen.snapshot.phase.is_training() => "resume",
+            Action::Quit if screen.from_list => "list",
+            _ => binding.short,
+        };
+        keys.push((binding.action, label));
     }
     fitting(keys, &screen.keymap, width, lacks_panel)
 }
@@ -238,28 +243,25 @@ pub fn fitting(
     width: u16,
     lacks_panel: bool,
 ) -> ClickableLine {
-    let line = |keys: &[(Action, &str)], space: &str| {
+    let line = |keys: &[(Action, &str)]| {
         let mut bar = ClickableLine::default();
         for (action, label) in keys {
-            key(&mut bar, keymap, *action, &format!(" {label}{space}"), Style::new());
+            key(&mut bar, keymap, *action, &format!(" {label} "), Style::new());
         }
         bar
     };
+    keys.sort_by_key(|(action, _)| LAST_KEYS.contains(action));
     // The trailing space need not fit.
-    let roomy = line(&keys, " ");
-    if roomy.width() <= usize::from(width) + 1 {
-        return roomy;
-    }
-    while line(&keys, "").width() > usize::from(width) && keys.len() > 1 {
+    while line(&keys).width() > usize::from(width) + 1 && keys.len() > 1 {
         let stays = |action: Action| lacks_panel && action == Action::NextPane;
-        let last = keys.iter().rev().take_while(|(action, _)| LAST_KEYS.contains(action)).count();
+        let last = keys.iter().filter(|(action, _)| LAST_KEYS.contains(action)).count();
         let before = keys.len() - last;
         let middle = (1..before).rev().find(|i| !stays(keys[*i].0));
         // Then the first of the last keys, for the sake of the panes.
         let next = if before > 1 && last > 0 { before } else { 0 };
         keys.remove(middle.unwrap_or(next));
     }
-    line(&keys, "")
+    line(&keys)
 }
 
 /// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.

@@ -97,12 +97,12 @@ pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let coverage = snapshot.coverage().into_iter();
     let coverage = coverage.map(|(at, share)| (along(screen, at), share)).collect();
     let mut success = of("planned", 0, &|e| e.planned.as_ref()?.success);
-    success.extend(of("greedy", 1, &|e| e.greedy.success));
-    success.push(curve("coverage", 2, coverage));
+    success.extend(of("alone", 1, &|e| e.greedy.success));
+    success.push(curve("explored", 2, coverage));
     let mut errors = of("D", 0, &|e| Some(e.distance_error?.mape));
     errors.extend(of("via graph", 1, &|e| Some(e.distance_error?.graph?.mape)));
     let rate = |title, curves| Plot { title, curves, max: Some(1.0), log: false };
-    let errors = Plot { title: "relative error of D", curves: errors, max: None, log: true };
+    let errors = Plot { title: "D off by", curves: errors, max: None, log: true };
     let of_critic = loss("loss of D", 0);
     let is_known = has_true_distances || errors.curves.iter().any(|curve| !curve.points.is_empty());
     let errors = is_known.then_some(errors);

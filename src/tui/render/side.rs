@@ -16,6 +16,7 @@ use crate::tui::pane_text::{EXPLAINED_WIDTH, explain, fitted_lines};
 use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, DIM, REVERSED};
+use gdg::text::display_width;
 
 /// Minimum rows below the chosen pane for another one, and for two.
 const SECOND_PANE_ROWS: u16 = 10;
@@ -120,32 +121,25 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
     clicks.into_iter().for_each(|(row, action)| page.layout.add(row, Click::Act(action)));
 }
 
-/// Draws the names of the panes with their keys: closer together where room is short, or only the
+/// Draws the names of the panes with their keys: where room is short, only the names, or only the
 /// keys of those that are not selected.
 fn tabs(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
-    let tabs = Pane::ALL.map(|pane| (screen.keymap.key_of(Action::Show(pane)), pane.name()));
-    let formats: [fn(&str, &str, bool) -> String; 4] = [
-        |key, name, _| format!(" {key} {name} "),
-        |key, name, _| format!("{key} {name} "),
-        |key, name, _| format!("{key}{name} "),
-        |key, name, chosen| if chosen { format!(" {key} {name} ") } else { format!(" {key} ") },
-    ];
-    let text = |format: fn(&str, &str, bool) -> String| {
-        Pane::ALL.map(|pane| {
-            let (key, name) = &tabs[pane as usize];
-            format(key, name, pane == screen.pane)
-        })
-    };
-    let texts = formats.map(text);
+    let key = |pane| screen.keymap.key_of(Action::Show(pane));
+    let all = Pane::ALL.map(|pane| format!(" {} {} ", key(pane), pane.name()));
+    let names = Pane::ALL.map(|pane| format!(" {} ", pane.name()));
+    let keys = Pane::ALL.map(|pane| match &all[pane as usize] {
+        chosen if pane == screen.pane => chosen.clone(),
+        _ => format!(" {} ", key(pane)),
+    });
     // The trailing blank may be cut off.
-    let fits = |texts: &&[String; Pane::ALL.len()]| {
-        texts.iter().map(|text| Line::raw(text).width()).sum::<usize>()
-            <= usize::from(area.width) + 1
-    };
+    let fits = |texts: &[String]| display_width(&texts.concat()) <= usize::from(area.width) + 1;
     // The editor uses these keys itself.
-    let with_keys = texts.iter().find(fits).filter(|_| !scene.is_editing()).cloned();
-    let texts = with_keys.unwrap_or_else(|| tabs.map(|(_, name)| format!(" {name} ")));
+    let texts = match scene.is_editing() {
+        false if fits(&all) => all,
+        false if !fits(&names) => keys,
+        _ => names,
+    };
     let mut bar = ClickableLine::default();
     for (pane, text) in Pane::ALL.into_iter().zip(texts) {
         bar.push(

@@ -2,7 +2,7 @@
 //! deleted.
 
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,10 +12,12 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::Wish;
-use crate::experiment::saved_runs::{COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name};
+use crate::experiment::saved_runs::{
+    COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name, whole,
+};
 use crate::setup::saves::ago;
 use gdg::files;
-use gdg::text::counted;
+use gdg::text::{counted, sanitized};
 
 /// Runs that can be marked at once: one for each letter.
 const MAX_MARKS: usize = 26;
@@ -50,7 +52,7 @@ fn is_same(a: &SavedRun, b: &SavedRun) -> bool {
 }
 
 /// Whether its file grows: another program trains the run.
-fn is_growing(run: &SavedRun) -> bool {
+pub fn is_growing(run: &SavedRun) -> bool {
     !run.is_damaged() && run.state() == RunState::Running
 }
 
@@ -198,22 +200,32 @@ impl List {
         if rows.is_empty() {
             rows.extend(self.selected());
         }
-        let all = rows.iter().flat_map(|run| [&run.source].into_iter().chain(&run.others));
-        let files = all.filter(|file| !file.is_dir());
+        let is_chosen = |run: &Arc<SavedRun>| rows.iter().any(|chosen| is_same(chosen, run));
+        let kept: Vec<&Arc<SavedRun>> = self.all.iter().filter(|run| !is_chosen(run)).collect();
+        // Copies of a run, and those that began anew, may name the same checkpoint.
+        let named = kept.iter().flat_map(|run| run.checkpoint.iter().chain(&run.resumed));
+        let named: HashSet<PathBuf> = named.map(|path| whole(path)).collect();
+        let others = rows.iter().flat_map(|run| &run.others);
+        let others = others.filter(|file| !named.contains(&whole(file)));
+        let files = rows.iter().map(|run| &run.source).chain(others).filter(|file| !file.is_dir());
         let files: Written = files.map(|file| (file.clone(), written(file))).collect();
         if files.is_empty() {
             return Err("no file is selected".to_owned());
         }
         // A file may have other runs than those chosen.
-        let in_files = self.all.iter().filter(|run| files.contains_key(&run.source));
-        if let Some(run) = in_files.clone().find(|run| is_growing(run)) {
+        let is_in_files = |run: &&&Arc<SavedRun>| {
+            [&run.source].into_iter().chain(&run.others).any(|file| files.contains_key(file))
+        };
+        let others: Vec<_> = kept.iter().filter(is_in_files).collect();
+        if let Some(run) = rows.iter().chain(others.iter().copied()).find(|run| is_growing(run)) {
             return Err(format!("{} still grows: end its run first", name(&run.source)));
         }
-        let others = match in_files.count().saturating_sub(rows.len()) as u64 {
+        let others = match others.len() as u64 {
             0 => String::new(),
             others => format!(" with {} not chosen", counted(others, "run")),
         };
-        let names = files.keys().map(|file| name(file)).collect::<Vec<_>>().join(", ");
+        let names = files.keys().map(|file| sanitized(&file.to_string_lossy()));
+        let names = names.collect::<Vec<_>>().join(", ");
         // What has just been written another program may still train.
         let written = files.values().flatten().max().copied();
         let written = written.and_then(ago).map_or(String::new(), |at| format!("; written {at}"));

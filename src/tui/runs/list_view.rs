@@ -21,7 +21,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 
 use super::RunsScreen;
-use super::list::List;
+use super::list::{List, is_growing};
 use crate::experiment::plot::{Drawable, Measure};
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
@@ -40,7 +40,7 @@ use gdg::train::{Preset, list_settings};
 const MIN_SIZE: (u16, u16) = (60, 16);
 
 /// The columns of the list that are left out first where there is no room.
-const LEFT_OUT: [&str; 3] = ["written", "greedy", "state"];
+const LEFT_OUT: [&str; 3] = ["written", "alone", "state"];
 
 /// The most columns of a text, of a setting's name and of its value, and the fewest of a file.
 const MAX_TEXT: usize = 20;
@@ -139,8 +139,9 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Re
     let [shown, all] =
         [list.shown().filter(is_run).count(), list.all().iter().filter(is_run).count()];
     let of = if shown == all { String::new() } else { format!("{shown} of ") };
+    let name = if screen.awaited.is_some() { " gdg-tui watch " } else { " gdg-tui runs " };
     let mut spans = vec![
-        Span::styled(" gdg-tui runs ", BOLD.patch(REVERSED)),
+        Span::styled(name, BOLD.patch(REVERSED)),
         Span::styled(format!(" {} ", screen.title), BOLD),
         Span::raw(format!(" {of}{} ", counted(all as u64, "run"))),
     ];
@@ -252,7 +253,9 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
         }
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
-    let title = format!(" {} over {}", measure.label(), axis.label());
+    let is_share = measure != Measure::Error;
+    let what = if is_share { measure.label() } else { "D off by" };
+    let title = format!(" {what} over {}", axis.label());
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
@@ -266,7 +269,6 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
         return head;
     }
     let last = points().map(|point| point.0).fold(1.0, f64::max);
-    let is_share = measure != Measure::Error;
     let high = if is_share { 1.0 } else { points().map(|point| point.1).fold(0.01, f64::max) };
     let y_labels = [0.0, high]
         .map(|y| if is_share { format!("{y:.1}") } else { format!("{:.0} %", 100.0 * y) });
@@ -367,16 +369,13 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
         let text = " type words that runs must have   Enter keeps them   Esc shows all runs";
         return frame.render_widget(fitted_line(Line::styled(text, DIM), area.width), area);
     }
-    let named = |is_own: bool| {
-        let is_shown = move |b: &&Binding| {
-            !b.short.is_empty()
-                && b.is_active(Mode::Listing)
-                && (b.when == Some(Mode::Listing)) == is_own
-        };
-        bindings().filter(is_shown).map(|b| (b.action, b.short))
-    };
-    let keys = named(true).chain(named(false)).collect();
-    bars::fitting(keys, &screen.keymap, area.width, false).draw(frame, area, layout);
+    let is_watched = screen.list.selected().is_some_and(|run| is_growing(run));
+    let is_shown = |b: &&Binding| !b.short.is_empty() && b.is_active(Mode::Listing);
+    let keys = bindings().filter(is_shown).map(|b| match b.action {
+        Action::List(ListAction::Resume) if is_watched => (b.action, "watch"),
+        action => (action, b.short),
+    });
+    bars::fitting(keys.collect(), &screen.keymap, area.width, false).draw(frame, area, layout);
     layout.add(Rect { height: 1, ..layout.screen }, Click::Act(Action::Help));
 }
 

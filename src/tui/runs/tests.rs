@@ -159,6 +159,10 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
         saved(&path(name).to_string_lossy(), map, "gdg", 7, &[])
     };
     let mut screen = screen();
+    let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
+    let grows = Arc::new(SavedRun { written: Some(SystemTime::now()), ..grows });
+    screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
+    assert!(shown_by(&mut screen, 200, 40).contains("Enter watch"));
     screen.show_runs(&[own("c", "own"), own("b", "own"), own("a", "own")]);
     type_text(&mut screen, " jjc");
     let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None, watches: None };
@@ -171,8 +175,6 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     let wish = Wish { file: path("a"), beside: None, warning: None, watches: None };
     assert_eq!(screen.wish.take(), Some(wish));
     // Another program still trains it.
-    let grows = SavedRun { kind: RunKind::Records, end: None, ..own("a", "own") };
-    let grows = Arc::new(SavedRun { written: Some(SystemTime::now()), ..grows });
     screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
     press(&mut screen, KeyCode::Enter);
     let wish = screen.wish.take().expect("to watch it");
@@ -196,7 +198,8 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.show_runs(&["a", "b", "c"].map(own));
     type_text(&mut screen, " j D");
     let asked = shown_by(&mut screen, 200, 40);
-    assert!(asked.contains("for good? y: yes n: no (b, c; written just now)"), "{asked}");
+    let parts = ["for good? y: yes n: no (", "/b, ", "/c; written just now)"];
+    assert!(parts.iter().all(|part| asked.contains(part)), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only y deletes");
     // Another program may have resumed one, and saved it.
@@ -224,6 +227,17 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     assert!(asked.contains("delete 2 files with 1 run not chosen for good?"), "{asked}");
     type_text(&mut screen, "y");
     assert!(!path("d").exists(), "all files of the run");
+    // A run whose beginning is in the file of another, and a checkpoint that another names.
+    let [first, last] = ["d", "e"].map(|name| SavedRun { kind: RunKind::Records, ..own(name) });
+    let kept = own("c");
+    let goes_on =
+        SavedRun { others: vec![path("d")], checkpoint: Some(path("c")), seed: 8, ..last };
+    screen.show_runs(&[SavedRun { others: vec![path("c")], ..first }, goes_on, kept]);
+    press(&mut screen, KeyCode::End);
+    type_text(&mut screen, "D");
+    let asked = shown_by(&mut screen, 120, 40);
+    assert!(asked.contains("delete 1 file with 1 run not chosen for good?"), "{asked}");
+    type_text(&mut screen, "n");
     // A file with a run that has ended, and one that goes on.
     let now = |run| Arc::new(SavedRun { written: Some(SystemTime::now()), ..run });
     let grows = SavedRun { end: None, seed: 9, kind: RunKind::Records, ..own("d") };

@@ -78,10 +78,13 @@ pub fn draw_scale(area: Rect, scene: &dyn SceneKind, on: Drawing, texts: &[Strin
     frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }
 
+/// Whether an action does anything: what is drawn, and what the run has.
+pub fn offers(scene: &dyn SceneKind, screen: &Screen, action: Action) -> bool {
+    scene.offers(action) && !matches!(action, Action::Toggle(of) if screen.why_not(of).is_some())
+}
+
 pub fn overlays(scene: &dyn SceneKind, screen: &Screen) -> impl Iterator<Item = Overlay> {
-    let is_there =
-        |of: &Overlay| scene.offers(Action::Toggle(*of)) && screen.why_not(*of).is_none();
-    Overlay::ALL.into_iter().filter(is_there)
+    Overlay::ALL.into_iter().filter(|of| offers(scene, screen, Action::Toggle(*of)))
 }
 
 pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
@@ -158,7 +161,7 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
         Overlay::Edges => ('\u{2500}', theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (of_depth('+', '\u{25a0}'), theme.path),
-        Overlay::Ghost => (of_depth('a', '@'), theme.ghost()),
+        Overlay::Ghost => ('a', theme.ghost()),
     })
 }
 
@@ -187,18 +190,19 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     let (reach, plans) = (&scene.view().reach, screen.run().method.plans());
     let ghost = reach.ghost.as_ref().filter(|_| !plans || screen.overlays.has(Overlay::Ghost))?;
     let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
+    let steps = |count: u32| counted(u64::from(count), "step");
     let stands = !ghost.arrived && ghost.steps - ghost.stands_since >= STANDS_STEPS;
     let since = format!(" since step {}", ghost.stands_since);
     let actor = match (ghost.arrived, stands) {
-        (true, _) => format!("arrived in {}", ghost.steps),
-        (false, true) => format!("has stood{place}{since}"),
-        (false, false) => format!("has taken {}", ghost.steps),
+        (true, _) => format!("arrived in {}", steps(ghost.steps)),
+        (false, true) => format!("stands{place}{since}"),
+        (false, false) => steps(ghost.steps),
     };
-    let plan = if reach.arrived { "arrived in" } else { "has taken" };
-    let plan = format!("plan {plan} {}; ", counted(u64::from(reach.steps), "step"));
-    let full = format!("{}the actor {actor}", if plans { &plan } else { "" });
-    let short = full.replace("the actor", "actor").replace(place, "").replace(" steps;", ";");
-    let shorter = short.replace(&since, "").replace("has stood", "stands");
+    let plan = if reach.arrived { "arrived in " } else { "" };
+    let plan = format!("@ with plans: {plan}{}; a alone: ", steps(reach.steps));
+    let full = format!("{}{actor}", if plans { &plan } else { "@ " });
+    let short = full.replace("with plans", "planned").replace(place, "").replace(" steps", "");
+    let shorter = short.replace(&since, "").replace("arrived in", "in");
     (plans || stands).then(|| vec![full, short, shorter])
 }
 

@@ -1,6 +1,6 @@
 //! The overlays of any scene: the bridge graph, searches, agents and plans.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use crate::tui::canvas::{Canvas, Ink};
 use crate::tui::characters::CANDIDATE_MARK;
@@ -11,17 +11,14 @@ use gdg::bridge::EdgeStatus;
 use gdg::train::FilmFrame;
 use gdg::viewer::{Candidate, Graph};
 
-/// The most edges drawn: more of them would hide the ground.
-pub const MAX_EDGES: usize = 300;
-
 /// How edges look: their opacity, and their character without colours.
 const EDGES: [(EdgeStatus, f32, char); 3] = [
     (EdgeStatus::Untried, 0.3, '-'),
-    (EdgeStatus::Confirmed, 0.85, '='),
+    (EdgeStatus::Confirmed, 0.6, '='),
     (EdgeStatus::Demoted, 0.9, 'x'),
 ];
 
-/// One candidate is drawn per block of characters, given by its columns and rows.
+/// One candidate or edge is drawn per block of characters, given by its columns and rows.
 const SPACING: (u16, u16) = (6, 3);
 
 pub const FRONTIER_SIGN: char = '\u{25c6}';
@@ -51,27 +48,31 @@ impl Painter<'_> {
         places.into_iter().filter_map(|place| (self.place)(place)).collect()
     }
 
-    /// Draws walked and failed edges near `near`, below them untried ones if they are wanted.
-    pub fn edges(&mut self, graph: &Graph, near: [f32; 2], with_untried: bool) {
+    /// Draws some walked and failed edges, since all of them would hide the ground: in each block the
+    /// longest; below them all untried ones if they are wanted.
+    pub fn edges(&mut self, graph: &Graph, with_untried: bool) {
         if !self.shows(Overlay::Edges) {
             return;
         }
-        let [left, top, width, height] = self.canvas.raster.window;
-        let place = |i: usize| graph.candidates.get(i).and_then(|own| (self.place)(&own.at));
-        let shown = graph.edges.iter().filter_map(|(ends, status)| {
-            let (a, b) = (place(ends[0])?, place(ends[1])?);
-            let [x, y] = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-            let inside = x >= left && y >= top && x <= left + width && y <= top + height;
-            inside.then(|| ((x - near[0]).hypot(y - near[1]), [a, b], *status))
-        });
-        let (untried, mut tried): (Vec<_>, Vec<_>) =
-            shown.partition(|(.., status)| *status == EdgeStatus::Untried);
-        if tried.len() > MAX_EDGES {
-            tried.select_nth_unstable_by(MAX_EDGES, |a, b| a.0.total_cmp(&b.0));
-            tried.truncate(MAX_EDGES);
+        let (mut untried, mut longest) = (Vec::new(), BTreeMap::new());
+        for (ends, status) in &graph.edges {
+            let place = |i: usize| graph.candidates.get(i).and_then(|own| (self.place)(&own.at));
+            let (Some(a), Some(b)) = (place(ends[0]), place(ends[1])) else { continue };
+            let middle = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+            let Some(at) = self.canvas.frame.character_of(middle) else { continue };
+            let length = (a[0] - b[0]).hypot(a[1] - b[1]);
+            let edge = (length, [a, b], *status);
+            if *status != EdgeStatus::Untried {
+                let block = (at.x / SPACING.0, at.y / SPACING.1, *status == EdgeStatus::Demoted);
+                let kept = longest.entry(block).or_insert(edge);
+                if kept.0 < length {
+                    *kept = edge;
+                }
+            } else if with_untried {
+                untried.push(edge);
+            }
         }
-        let untried = untried.into_iter().filter(|_| with_untried);
-        let shown: Vec<_> = untried.chain(tried).collect();
+        let shown: Vec<_> = untried.into_iter().chain(longest.into_values()).collect();
         let [walked, failed, other] = self.theme.edges;
         for ((status, opacity, mark), rgb) in EDGES.into_iter().zip([other, walked, failed]) {
             let own = shown.iter().filter(|(.., own)| *own == status).map(|(_, ends, _)| *ends);

@@ -119,15 +119,6 @@ impl SpaceState {
         screen.request(request);
     }
 
-    fn show_next_pair(&mut self, screen: &mut Screen) {
-        self.pair += 1;
-        match space(screen).map(|space| space.spec().goal_dim()) {
-            Some(1) => screen.say("goals have only the component that is shown"),
-            Some(2) => screen.say("goals have only the two components that are shown"),
-            _ => {}
-        }
-    }
-
     fn nudge(&mut self, [right, down]: [f32; 2], screen: &mut Screen) {
         let Some(plane) = self.chosen(&screen.layout).map(|shown| &shown.plane) else { return };
         if self.goal.is_empty() {
@@ -182,7 +173,7 @@ impl SceneKind for SpaceState {
     }
 
     /// All but those that need a map, and without an arm those
-    /// that need to put an agent somewhere, a camera or the past.
+    /// that need to put an agent somewhere, a camera or the past, or that there are other components.
     fn offers(&self, action: Action) -> bool {
         match action {
             Action::Inspect
@@ -194,6 +185,7 @@ impl SceneKind for SpaceState {
             | Action::Redo
             | Action::SaveMap
             | Action::Toggle(Overlay::Unexplored | Overlay::Ghost) => false,
+            Action::Projection => self.is_arm || self.goal.len() > 2,
             Action::StartHere
             | Action::ZoomIn
             | Action::ZoomOut
@@ -324,7 +316,7 @@ impl SceneKind for SpaceState {
             Action::StartHere => screen.request(Request::Start(Some(self.goal.clone()))),
             Action::NewStart => screen.request(Request::Start(None)),
             Action::Projection if self.is_arm => self.shown.angle = self.shown.angle.next(),
-            Action::Projection => self.show_next_pair(screen),
+            Action::Projection => self.pair += 1,
             Action::Alone if has_room(screen.layout.map_pane) => {
                 self.shown.alone = !self.shown.alone;
             }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use super::Cx;
+use super::{Cx, Session};
 use crate::tui::action::Action;
 use crate::tui::choices::{Marker, Overlay, Overlays, Pane};
 use crate::tui::render::curves::along;
@@ -88,15 +88,18 @@ pub fn show_next(cx: &mut Cx) {
     }
 }
 
-/// Leaves what is on top: the past, or something enlarged.
-pub fn close_top(cx: &mut Cx) {
+/// Leaves what is on top: the past, something enlarged, or a run that is watched from a list.
+pub fn close_top(session: &mut Session) {
+    let cx = &mut session.cx;
     if cx.screen.return_to_present()
         || cx.scene.close(&mut cx.screen)
         || std::mem::take(&mut cx.screen.maximised)
     {
         return;
     }
-    if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
+    if cx.screen.from_list && cx.screen.elsewhere.is_some() {
+        session.quit();
+    } else if cx.screen.banner.is_none() || !std::mem::take(&mut cx.screen.explains) {
         cx.scene.act(Action::ZoomOff, &mut cx.screen);
     }
 }

@@ -109,7 +109,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, ":save a checkpoint under{enter}name{click Enter: accept}", &["name.safe"], &[]),
     (New, SMALL, "{click gdg-bridge}her{enter}:save-as{enter}", &["-her-seed"], &[]),
     // Panes.
-    (New, SMALL, "{click 4legend}", &["bridge edges", "contours"], &[]),
+    (New, SMALL, "{click legend}", &["bridge edges", "contours"], &[]),
     (New, NARROW, "{tab}", &["updates"], &["D to G"]),
     (New, NARROW, "5", &["gdg-bridge on rooms, 20 x 5 cells", "0:00:00 at 0"], &[]),
     (New, SMALL, "z", &["updates", "replay"], &["D to G"]),
@@ -123,7 +123,9 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
     // What there is not is not in the legend.
-    (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
+    (Actor, SMALL, "b", &["gdg has no bridges: press ? and type method to"], &[]),
+    (Actor, SMALL, "?method{enter}", &["continue with method"], &[]),
+    (Actor, SMALL, "", &["v view  Tab panes"], &["A alone"]),
     (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
     (Mono, SMALL, "c", &["contour lines need colours"], &[]),
     (Mono, SMALL, "4", &["bridge edges"], &["contours"]),
@@ -151,10 +153,10 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "P", &["front"], &[]),
     (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
-    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", "1train 2curves 3walk 4legend"], &[]),
-    (Goals, HUGE, "2", &["loss of D"], &["relative error of D"]),
+    (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", " train  curves  walk  legend"], &[]),
+    (Goals, HUGE, "2", &["loss of D"], &["D off by"]),
     // Comparisons.
-    (Both, LARGE, "", &["gdg-tui compare", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
+    (Both, LARGE, "", &["Tab size  ? help", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
     (Both, LARGE, "?", &["maps are saved"], &[]),
     (Both, LARGE, "o", &["not in a comparison"], &[]),
     (Both, SMALL, "[", &["no film yet"], &[]),
@@ -162,7 +164,7 @@ const ROWS: &[ScreenTest] = &[
     (Both, LARGE, "E", &["not in a comparison: export map or curves"], &[]),
     // Lists of runs.
     (List, LARGE, "", &["5 runs", "fourrooms", "Space mark", "Enter resume", "? help"], &[]),
-    (List, NARROW, "", &["Space mark", "Enter resume", "c compare", "? help", "q quit"], &[]),
+    (List, NARROW, "", &["Space mark", "Enter resume", "? help", "q quit"], &[]),
     (List, (24, 6), "", &["needs 60", "24 x 6"], &[]),
     (List, LARGE, " j ", &["\u{2500} A ", "\u{2500} B "], &[]),
     (List, LARGE, " j {esc}", &[], &["\u{2500} A "]),

@@ -13,7 +13,7 @@ const SMALL: (u16, u16) = (80, 24);
 #[test]
 fn clicks_reach_what_is_on_top_and_nothing_else() {
     let mut app = still();
-    click_on(&mut app, SMALL, "4legend");
+    click_on(&mut app, SMALL, "legend");
     click_on(&mut app, SMALL, "bridge edges");
     assert!(app.screen.overlays.has(Overlay::Edges));
     // Clicks on a maximised pane do not reach the map.

@@ -84,7 +84,7 @@ fn each_overlay_changes_the_map_and_is_hidden_again() {
 }
 
 #[test]
-fn of_many_edges_only_those_near_the_cursor_are_drawn() {
+fn of_many_edges_some_are_drawn_everywhere() {
     let mut app = staged_app(120, 40);
     app.screen.overlays.toggle(Overlay::Edges);
     let at = |i: usize| [0.5 + (i % 39) as f32 / 2.0, 0.5 + (i / 39 % 9) as f32 / 2.0];
@@ -95,17 +95,14 @@ fn of_many_edges_only_those_near_the_cursor_are_drawn() {
     };
     // Only edges are shown.
     app.screen.overlays.toggle(Overlay::Candidates);
-    for (x, is_left) in [(2, true), (17, false)] {
-        app.maze_mut().inspecting = Some(Cell::new(x, 2));
-        app.change_view(|view| view.graph = Arc::default());
-        let before = draw(&mut app, 120, 40).backend().buffer().clone();
-        app.change_view(|view| view.graph = Arc::new(graph.clone()));
-        let after = draw(&mut app, 120, 40).backend().buffer().clone();
-        let map = app.screen.layout.map.clone().expect("a map").area;
-        let mut changed = map.positions().filter(|at| before[*at] != after[*at]).peekable();
-        assert!(changed.peek().is_some());
-        assert!(changed.all(|at| (at.x < map.x + map.width / 2) == is_left), "cursor at {x}");
-    }
+    let before = draw(&mut app, 120, 40).backend().buffer().clone();
+    app.change_view(|view| view.graph = Arc::new(graph));
+    let after = draw(&mut app, 120, 40).backend().buffer().clone();
+    let map = app.screen.layout.map.clone().expect("a map").area;
+    let changed: Vec<_> = map.positions().filter(|at| before[*at] != after[*at]).collect();
+    let left = changed.iter().filter(|at| at.x < map.x + map.width / 2).count();
+    let right = changed.len() - left;
+    assert!(left > 50 && right > 50 && changed.len() < map.area() as usize / 2, "{left} {right}");
 }
 
 #[test]

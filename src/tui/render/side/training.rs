@@ -28,8 +28,8 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("mu loss", "actor mu: mean D after its actions"),
     ("success", "test walks that arrive: all, and near to far"),
     ("planned", "with waypoints planned over bridge points"),
-    ("greedy", "by the actor alone"),
-    ("D error", "mean error of D against the true steps"),
+    ("alone", "by the actor alone"),
+    ("D off by", "mean error of D against the true steps"),
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
     ("next test", "when they are measured again"),
@@ -130,10 +130,10 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
             None => fact(name, "no tasks"),
         };
         lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
-        lines.push(score("greedy", &evaluation.greedy));
+        lines.push(score("alone", &evaluation.greedy));
         if let Some(error) = evaluation.distance_error {
-            let percent = |mape: f64| format!("off by {:.0} %", 100.0 * mape);
-            lines.push(fact("D error", percent(error.mape)));
+            let percent = |mape: f64| format!("{:.0} %", 100.0 * mape);
+            lines.push(fact("D off by", percent(error.mape)));
             let graph = error.graph.filter(|_| all);
             lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
         }

@@ -6,10 +6,9 @@ use super::MazeState;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::short;
 use crate::tui::scene::legend::{edge_lines, sample, sign};
-use crate::tui::scene::overlays::{FRONTIER_SIGN, MAX_EDGES, TRAIL_MARK};
+use crate::tui::scene::overlays::{FRONTIER_SIGN, TRAIL_MARK};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb};
-use gdg::bridge::EdgeStatus;
 use gdg::map::Cell;
 
 /// Describes the cell under the cursor or the mouse, walls and D first.
@@ -62,9 +61,8 @@ pub fn legend(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
     lines.push(signs(screen, &[trail, frontier][..=usize::from(has_edge)]));
     if screen.run().method.plans() {
         let graph = &maze.view.graph;
-        let tried = graph.count(EdgeStatus::Confirmed) + graph.count(EdgeStatus::Demoted);
-        let walked = if tried > MAX_EDGES { "walked, near cursor" } else { "edges walked" };
-        lines.extend(edge_lines(screen, graph, [walked, "failed", "untried, not shown"]));
+        let names = ["edges walked, some shown", "failed", "untried, not shown"];
+        lines.extend(edge_lines(screen, graph, names));
     }
     lines
 }

@@ -16,7 +16,7 @@ use crate::tui::scene::ground::{self, Colours, GroundKind, Look};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, Painter};
 use crate::tui::scene::{Drawing, SceneKind};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Theme, ThemeName, blend, ink};
+use crate::tui::theme::{Theme, ThemeName, blend, ink};
 use crate::tui::viewport::{MapFrame, Viewport};
 use gdg::draw::{Raster, RasterPixel, positions_along};
 use gdg::map::{Cell, Grid};
@@ -406,8 +406,7 @@ fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     let mut painter =
         Painter { canvas, screen, theme, place: &place, state: &place, sizes: [2, 2] };
     if past.is_none() {
-        let near = maze.inspecting.or(maze.hovered).unwrap_or(maze.goal).centre();
-        painter.edges(&view.graph, near, false);
+        painter.edges(&view.graph, false);
         painter.candidates(&view.graph);
         let floored = |places: &[[f32; 2]]| -> Vec<[f32; 2]> {
             places.iter().map(|at| on_floor(*at)).collect()
@@ -468,8 +467,7 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
     if let Some(ghost) = maze.view.reach.ghost.as_ref().filter(|_| painter.shows(Overlay::Ghost))
         && !is_past
     {
-        let sign = if theme.depth == ColourDepth::Mono { 'a' } else { '@' };
-        painter.letter((painter.place)(&ghost.at), sign, theme.ghost(), 0.42);
+        painter.letter((painter.place)(&ghost.at), 'a', theme.ghost(), 0.42);
     }
     if !is_past {
         painter.letter((painter.place)(&maze.view.reach.at), '@', theme.walker, 0.42);

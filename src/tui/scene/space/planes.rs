@@ -100,7 +100,7 @@ fn draw_projection(
         draw_surroundings(&mut painter, *arm);
     }
     if past.is_none() {
-        painter.edges(&view.graph, goal.unwrap_or_default(), true);
+        painter.edges(&view.graph, true);
         painter.candidates(&view.graph);
         painter.search();
     }
