@@ -143,7 +143,7 @@ pub struct CheckArgs {
 pub struct ExportArgs {
     /// Checkpoint to read
     pub checkpoint: PathBuf,
-    /// Output file [default: CHECKPOINT with another extension]
+    /// Output file [default: exports/CHECKPOINT, with another extension]
     #[arg(long, value_name = "FILE", value_parser = output())]
     pub out: Option<PathBuf>,
     /// Replace the file if it exists

@@ -7,6 +7,7 @@ pub mod prepare;
 mod runs;
 mod train;
 
+use std::io::{IsTerminal, stdout};
 use std::sync::Arc;
 
 use clap::CommandFactory;
@@ -17,7 +18,9 @@ use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
 use crate::process::errors::from_config_error;
 use crate::process::{EXIT_BAD_INPUT, EXIT_FAILURE, errors, logging};
-use gdg::train::{Registry, reference_page, setting_page};
+use gdg::train::{
+    Registry, SETTINGS, Setting, Settings, USUAL, list_settings, reference_page, setting_page,
+};
 
 /// Why a command failed: the error for the user, and the exit status.
 pub struct CommandFailure {
@@ -44,7 +47,10 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Watch(args)) => runs::watch(&args, registry),
-        Some(Command::Settings { names }) if names.is_empty() => print(&reference_page()),
+        Some(Command::Settings { names }) if names.is_empty() => {
+            let size = crossterm::terminal::size().ok().filter(|_| stdout().is_terminal());
+            print(&size.map_or_else(reference_page, |(columns, _)| settings(columns.into())))
+        }
         Some(Command::Settings { names }) => {
             text(names.iter().map(|name| setting_page(name).map_err(from_config_error)).collect())
         }
@@ -74,6 +80,22 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::ExportData(args)) => text(export::data(&args, registry)),
         Some(Command::ExportPolicy(args)) => text(export::policy(&args, registry)),
     }
+}
+
+/// Returns the settings by group, with their defaults, for a terminal of so many columns.
+fn settings(columns: usize) -> String {
+    let mut all: Vec<_> = SETTINGS.iter().zip(list_settings(&Settings::default())).collect();
+    all.sort_by_key(|(setting, _)| setting.heading() != USUAL);
+    let indent = " ".repeat(32);
+    let options = textwrap::Options::new(columns.max(60)).subsequent_indent(&indent);
+    let line = |(setting, (name, value)): &(&Setting, (String, String))| {
+        textwrap::fill(&format!("  {name:<22}{value:<7} {}", setting.about), &options) + "\n"
+    };
+    let groups = all.chunk_by(|a, b| a.0.heading() == b.0.heading());
+    let lines = groups.map(|own| {
+        own[0].0.heading().to_owned() + "\n" + &own.iter().map(line).collect::<String>()
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 fn print(text: &str) -> CommandOutcome {

@@ -277,13 +277,14 @@ fn export_refuses_what_it_cannot_read_or_must_not_replace() {
         assert_cmd::Command::cargo_bin("gdg-tui")
             .unwrap()
             .arg("export-policy")
+            .current_dir(&folder)
             .args(more)
             .output()
             .unwrap()
     };
     let own = path.to_str().unwrap();
     assert!(export(&[own]).status.success());
-    let policy = folder.path().join("run.policy.safetensors");
+    let policy = folder.path().join("exports/run.policy.safetensors");
     let written = std::fs::read(&policy).unwrap();
     for (args, problem) in [
         (&[own][..], "already exists"),

@@ -166,6 +166,9 @@ fn tables_and_exports_never_replace_a_checkpoint() {
     run(&["export-policy", "small.safetensors", "--out", "small.safetensors", "--overwrite"]);
     run(&["--no-ui", "trap", "--max-updates", "5", "--csv", "small.safetensors", "--overwrite"]);
     run(&["--no-ui", "--resume", "small.safetensors", "--csv", "small.safetensors", "--overwrite"]);
+    let both = words("--no-ui trap --save new.safetensors --csv ./new.safetensors");
+    let (status, _, errors) = outcome(isolated_command(folder.path()).args(both));
+    assert!(status == 2 && errors.contains("is used by this run"), "{errors}");
 }
 
 #[test]

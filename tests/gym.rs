@@ -585,7 +585,7 @@ fn an_environment_that_does_not_do_what_it_did_or_says_otherwise_is_said() {
     let folder = folder.path();
     let export = program(folder).args(["export-data", "a.safetensors"]).output().unwrap();
     assert!(export.status.success(), "{}", stderr(&export));
-    let args = ["--data", "a.npz", "--max-updates", "3", "--save", "b.safetensors"];
+    let args = ["--data", "exports/a.npz", "--max-updates", "3", "--save", "b.safetensors"];
     assert!(train(folder, "Point", &args).output().unwrap().status.success());
     for (speed, is_said) in [("1", false), ("0.5", true)] {
         let mut resumed = resume(folder, "b.safetensors", &["--max-updates", "4"]);
@@ -802,7 +802,7 @@ fn an_exported_policy_reaches_goals_in_its_environment() {
             .current_dir(folder.path())
             .env("PYTHONPATH", std::env::join_paths(packages).unwrap())
             .arg(root.join("examples/policy_in_gymnasium.py"))
-            .args(["run.policy.safetensors", "50"])
+            .args(["exports/run.policy.safetensors", "50"])
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", stderr(&output));

@@ -105,6 +105,11 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())
     );
+    // The table stays behind its figure, whatever else is drawn to that name.
+    plot(folder.path(), &["a.jsonl", "--out", "one.png"]).success();
+    plot(folder.path(), &["a.jsonl", "--out", "one.pdf"]).success();
+    let refused = plot(folder.path(), &["c.jsonl", "--out", "one.svg"]);
+    has_parts(&refused.refusal(), &["one.csv: the file already exists"]);
     // Where one of several cannot be written, none takes its place.
     plot(folder.path(), &["a.jsonl", "--out", "cut.svg"]).success();
     let before = ["cut.svg", "cut.csv"].map(file);

@@ -116,7 +116,7 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
         "mean and worst: {}",
         table[2]
     );
-    has_parts(&first.err, &["warning: 60 updates on open, where 60000 are usual, are too few"]);
+    has_parts(&first.err, &["warning: 60 updates on open, where 60,000 are usual, are too few"]);
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
     has_parts(
         &report,
@@ -220,6 +220,8 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
     assert_eq!(rows[0], "map method updates planned", "{}", ran.out);
     assert_eq!(rows[2], "fetch-reach gdg, tau=0.02 300");
     assert!(rows[3].starts_with("trap gdg, tau=0.01 ") && rows.len() == 9, "{}", ran.out);
+    let refused = place.run(&["trap", "--sweep", "hidden= ", "--list"]);
+    has_parts(&refused.refusal(), &["--sweep hidden= : not SETTING=VALUE,VALUE"]);
 }
 
 #[cfg(unix)]

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 const SCRIPT: &str = "
 import importlib.metadata, sys
 import gdg_tui
-policy = gdg_tui.load_policy('run.policy.safetensors')
+policy = gdg_tui.load_policy('exports/run.policy.safetensors')
 walk = policy.walk([3, 3])
 assert walk.step([5, 5]).shape == (2,) and len(walk.waypoints()) >= 1
 assert policy.distance([5, 5], [3, 3]) >= 0

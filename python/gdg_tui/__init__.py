@@ -2,11 +2,11 @@
 
     gdg-tui export-policy run.safetensors --plans
 
-writes `run.policy.safetensors`, and
+writes `exports/run.policy.safetensors`, and
 
     import gdg_tui
 
-    policy = gdg_tui.load_policy("run.policy.safetensors")
+    policy = gdg_tui.load_policy("exports/run.policy.safetensors")
     action = policy(state, goal)        # of the actor alone
     walk = policy.walk(goal)            # with plans: through bridge points, as in the program
     action = walk.step(state)           # once for each step of the environment

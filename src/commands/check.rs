@@ -14,7 +14,7 @@ use crate::setup::find_maps::{doubts, faults, find_map};
 use gdg::files::has_extension;
 use gdg::job::Job;
 use gdg::map::{self, Components, Diameter, Grid, MapError, MapScale, Scenario};
-use gdg::text::counted;
+use gdg::text::{counted, grouped};
 use gdg::train::Registry;
 
 /// Prints the facts about a map or scenario file, or a built-in map; the exit status says whether
@@ -88,15 +88,15 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
 /// Returns the facts about a map, and a line for each warning.
 fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
     let components = Components::of(grid);
-    let free = grid.free_count();
+    let (free, all) = (grid.free_count(), grid.free().len());
     let largest = components.sizes[components.largest() as usize];
     let mut lines = vec![
         format!("map:        {}", grid.name()),
         format!("size:       {} x {}", grid.width(), grid.height()),
-        format!("free cells: {free} ({:.1} %)", 100.0 * free as f64 / grid.free().len() as f64),
+        format!("free cells: {} ({:.1} %)", grouped(free as u64), 100.0 * free as f64 / all as f64),
         format!(
             "components: {}, the largest {} ({:.1} % of the free cells)",
-            components.sizes.len(),
+            grouped(components.sizes.len() as u64),
             counted(largest as u64, "cell"),
             100.0 * largest as f64 / free as f64
         ),
@@ -120,11 +120,7 @@ fn facts(grid: &Grid, other_map: Option<String>, progress: &Job) -> String {
     lines.join("\n") + "\n"
 }
 
-fn in_steps(diameter: Diameter) -> String {
-    let unit = if diameter.steps == 1 { "step" } else { "steps" };
-    format!("{} {unit}", describe_diameter(diameter))
-}
-
-pub fn describe_diameter(diameter: Diameter) -> String {
-    if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
+pub fn in_steps(diameter: Diameter) -> String {
+    let steps = counted(diameter.steps.into(), "step");
+    if diameter.exact { steps } else { format!("at least {steps}") }
 }

@@ -2,7 +2,7 @@
 
 use miette::{Report, miette};
 
-use super::check::describe_diameter;
+use super::check::in_steps;
 use super::{CommandOutcome, bad_input, print};
 use crate::cli::{ConvertArgs, MapsArgs, MapsCommand};
 use crate::process::errors::from_map_error;
@@ -13,22 +13,21 @@ use gdg::map::{
     self, BUILTIN, Diameter, FORMATS, Grid, MapFormat, MapScale, Reading, ScenarioTask, print_ascii,
 };
 use gdg::printing::eprint_line;
-use gdg::text::sanitized;
+use gdg::text::{aligned, grouped, sanitized};
 use gdg::train::Registry;
 
 fn list() -> String {
     let measuring = Waiting::on("measuring the maps");
     measuring.begin(0, 1);
-    let head =
-        format!("{:<28}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
+    let head = ["map", "size", "free cells", "farthest"].map(str::to_owned).to_vec();
     let maps = (0..).zip(BUILTIN).filter_map(|(i, (name, _))| Some((i, map::builtin(name)?)));
-    let lines = maps.map(|(i, grid)| {
+    let row = |(i, grid): (usize, Grid)| {
         measuring.set(i, BUILTIN.len());
         let size = format!("{}x{}", grid.width(), grid.height());
-        let farthest = describe_diameter(Diameter::compute(&grid));
-        format!("{:<28}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
-    });
-    std::iter::once(head).chain(lines).collect()
+        let (free, farthest) = (grouped(grid.free_count() as u64), Diameter::compute(&grid));
+        vec![grid.name().to_owned(), size, free, in_steps(farthest)]
+    };
+    aligned(&std::iter::once(head).chain(maps.map(row)).collect::<Vec<_>>())
 }
 
 /// Prints the table of built-in maps, or a random map, or converts one.
@@ -58,8 +57,7 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
     drop(converting);
     warnings.iter().for_each(|warning| eprint_line(warning));
     for (path, _) in &files {
-        let read = std::iter::once(input).chain(args.scen.as_deref());
-        refuse_input("OUT", path, read)?;
+        refuse_input("OUT", path, std::iter::once(input).chain(args.scen.as_deref()))?;
         refuse_existing(path, args.overwrite)?;
     }
     for loss in losses(args, &grid, format)? {

@@ -29,15 +29,10 @@ pub fn settings_to_print(
 ) -> Result<Settings, Report> {
     let resumed = resumed_file(args, registry)?;
     check_options(args, resumed.as_deref(), registry)?;
-    match resumed {
-        // Nothing is run that a checkpoint names.
-        Some(path) => Ok(train::load_with(&path, &registry.clone().only_reading(), 1, progress)
-            .map_err(from_checkpoint_error)?
-            .run()
-            .settings
-            .clone()),
-        None => settings(&args.run, args.map(), registry),
-    }
+    let Some(path) = resumed else { return settings(&args.run, args.map(), registry) };
+    // Nothing is run that a checkpoint names.
+    let loaded = train::load_with(&path, &registry.clone().only_reading(), 1, progress);
+    Ok(loaded.map_err(from_checkpoint_error)?.run().settings.clone())
 }
 
 /// Returns what takes time in [`prepare`], as in "opening the run".
@@ -59,15 +54,12 @@ pub fn prepare(
     let threads = args.threads;
     // Checked before training: otherwise, what was learned might be impossible to save.
     let resumed = resumed_file(args, registry)?;
-    let save = args
-        .save
-        .as_deref()
-        .map(|path| save_to(path, resumed.as_deref(), args.headless.overwrite))
-        .transpose()?;
+    let to = |path| save_to(path, resumed.as_deref(), args.headless.overwrite);
+    let save = args.save.as_deref().map(to).transpose()?;
     if let Some(path) = &args.headless.csv {
         // A resumed run replaces its own table, and leaves another one alone.
         refuse_existing(path, args.headless.overwrite || resumed.is_some())?;
-        refuse_input("--csv", path, inputs(args, resumed.as_deref()))?;
+        refuse_input("--csv", path, inputs(args, resumed.as_deref()).chain(args.save.as_deref()))?;
         if args.headless.overwrite {
             refuse_other_kind(path, "a table of gdg-tui", |start| start.starts_with(b"event,"))?;
         }
@@ -87,10 +79,7 @@ pub fn prepare(
     trainer.check_data().map_err(from_data_error)?;
     if resumed.is_some() && args.data.is_some() && !trainer.reads_data() {
         let help = "leave --data out, or begin a run with it";
-        return Err(miette!(
-            help = help,
-            "--data: the checkpoint contains its transitions and reads no file"
-        ));
+        return Err(miette!(help = help, "--data: the checkpoint has transitions of its own"));
     }
     let mut warnings = Vec::from_iter(warning);
     if let Some(path) = resumed.as_deref().filter(|path| args.is_copy && files::is_in_use(path)) {
@@ -215,13 +204,9 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
     let name = match (given, map) {
         (Some(_), Some(map)) => {
             let map = map.display();
-            let help = format!(
-                "give --resume FILE alone, or {map} --resume for the newest checkpoint of {map}"
-            );
-            return Err(miette!(
-                help = help,
-                "a map and --resume FILE: a checkpoint contains its map"
-            ));
+            let help = format!("give --resume FILE alone, or {map} --resume for its newest run");
+            let problem = "a map and --resume FILE: a checkpoint contains its map";
+            return Err(miette!(help = help, "{problem}"));
         }
         (Some(file), None) => {
             let name = known_name(file);
@@ -276,8 +261,7 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
             let file = edit.file.to_string_lossy();
             return Err(from_map_error(MapError::whole_file(&file, problem, help)));
         }
-        let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
-        Ok(Edit { updates: edit.updates, world: new })
+        Ok(Edit { updates: edit.updates, world: Box::new(maze.with_map(Arc::new(new))) })
     };
     let mut edits = args.edit_at.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
     let last = edits

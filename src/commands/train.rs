@@ -1,13 +1,12 @@
 //! The commands that train: `gdg-tui [MAP]`, with or without the interface, `tour` and `compare`.
 
 use std::io::IsTerminal;
-use std::path::Path;
 use std::sync::Arc;
 
 use clap::CommandFactory;
 use miette::{Report, miette};
 
-use super::{CommandFailure, CommandOutcome, bad_input, failure, prepare, print};
+use super::{CommandOutcome, bad_input, failure, prepare, print};
 use crate::cli::{Cli, CompareArgs, ScreenArgs, TourArgs, TrainArgs};
 use crate::headless;
 use crate::process::logging;
@@ -31,8 +30,12 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return print(&tui::config_template());
     }
     logging::start(args.log_level);
-    if args.resume.is_none() {
-        check_for_command(args.map(), registry)?;
+    if args.resume.is_none() && find_maps::is_unknown_name(args.map(), registry) {
+        // It may be a mistyped command.
+        let cli = Cli::command();
+        let commands = cli.get_subcommands().map(|command| command.get_name().to_owned());
+        let commands: Vec<String> = commands.collect();
+        return Err(bad_input(find_maps::unknown_name(args.map(), registry, &commands)));
     }
     let obstacle = if args.no_ui { None } else { obstacle() };
     if let Some(obstacle) = &obstacle {
@@ -54,16 +57,6 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
 pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry> {
     let options = args.gym.options(args.reading.goal_radius);
     registry.clone().with_gym(options).with_data(args.data.clone())
-}
-
-/// Checks that the map argument is not a mistyped command.
-fn check_for_command(map: &Path, registry: &Registry) -> Result<(), CommandFailure> {
-    if !find_maps::is_unknown_name(map, registry) {
-        return Ok(());
-    }
-    let commands: Vec<String> =
-        Cli::command().get_subcommands().map(|command| command.get_name().to_owned()).collect();
-    Err(bad_input(find_maps::unknown_name(map, registry, &commands)))
 }
 
 /// Returns why the interface cannot be shown, if it cannot.

@@ -27,7 +27,7 @@ use crate::setup::{begin, learn_from, parallel_jobs};
 use gdg::files::check_writable;
 use gdg::job::Stopwatch;
 use gdg::printing::eprint_line;
-use gdg::text::{aligned, counted, sanitized};
+use gdg::text::{aligned, counted, grouped, sanitized};
 use gdg::train::{
     self, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingEvent, TrainingLoop,
 };
@@ -172,10 +172,10 @@ pub fn warn_if_short<'a>(jobs: impl IntoIterator<Item = (&'a JobSpec, u64)>) {
     let is_short =
         |(job, usual): &(&JobSpec, u64)| (job.plan.length.amount() as f64) < SHORT * *usual as f64;
     if let Some((job, usual)) = jobs.into_iter().find(is_short) {
-        let (name, length) = (job.world.name(), job.plan.length);
+        let (name, length, usual) = (job.world.name(), job.plan.length, grouped(usual));
         eprint_line(&sanitized(&format!(
             "warning: {} {} on {name}, where {usual} are usual, are too few to compare methods",
-            length.amount(),
+            grouped(length.amount()),
             length.unit()
         )));
     }

@@ -258,27 +258,25 @@ fn hundredths(value: f32) -> Option<f32> {
     value.is_finite().then(|| (100.0 * value).round() / 100.0)
 }
 
-/// Pixels along the longer side of a job's picture, and of a cell's, at most.
-const MAX_PIXELS: usize = 340;
-const MAX_PIXELS_PER_CELL: usize = 8;
+/// Pixels along the longer side of a job's picture, at most.
+const MAX_PIXELS: usize = 700;
 
 /// Pixels between two contour lines, on average, at least.
 const LINE_SPACING: f32 = 30.0;
 
-/// The plan, and bridge points: red; the path walked: white; on dark edges, to stand out from every
-/// ground.
-const PLAN: Rgb = (255, 70, 50);
-const WALKED: Rgb = (255, 255, 255);
+/// The plan, and bridge points; the start, and the path walked; the goal: as on the screen. They are on
+/// dark edges, to stand out from every ground.
+const PLAN: Rgb = (255, 90, 60);
+const WALKED: Rgb = (255, 140, 30);
+const GOAL: Rgb = (214, 40, 57);
 const EDGE: Rgb = (20, 20, 30);
-const START: Rgb = (86, 180, 233);
-const GOAL: Rgb = (230, 159, 0);
 
 /// Draws `trainer`'s run as a PNG file: D to the goal of the map's own task, or else to a cell as
 /// far as possible from the start.
 pub fn picture(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
     let job = trainer.evaluation().into_diagnostic()?;
     let task = PointMaze::new(map.clone(), 0).longest_task();
-    let raster = Raster::of_map(map, MAX_PIXELS, MAX_PIXELS_PER_CELL);
+    let raster = Raster::of_map(map, MAX_PIXELS);
     let mut picture = field(map, raster, |positions| {
         let mut distances = vec![0.0; positions.len()];
         let goals = task.goal.repeat(positions.len());
@@ -330,7 +328,7 @@ pub fn draw_walk(picture: &mut Picture, raster: Raster, walk: &Walked, bridge: O
     }
     picture.lines(&walked, narrow, WALKED);
     let radius = (0.45 * scale).max(2.5);
-    let dots = [(start, START), (Some(at(&walk.goal)), GOAL), (bridge.as_ref().map(at), PLAN)];
+    let dots = [(start, WALKED), (Some(at(&walk.goal)), GOAL), (bridge.as_ref().map(at), PLAN)];
     for (position, colour) in dots {
         if let Some(position) = position {
             picture.disc(position, radius + 1.0, EDGE);

@@ -249,12 +249,12 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
         return Err(miette!(help = help, "{}: not a figure", path.display()));
     }
     let table = out[0].with_extension("csv");
-    refuse_edited(&out, &table, options.overwrite)?;
     let reading = Waiting::on("reading the runs");
     let (runs, mut notes) = saved_runs::runs(&options.runs, &reading)?;
     drop(reading);
     let drawing = Waiting::on("drawing the curves");
     let drawn = draw(&runs, options)?;
+    refuse_edited(&out, (&table, &drawn.table), options.overwrite)?;
     let lines = write_with_table(&out, (&table, &drawn.table), &drawn.sheet)?;
     drop(drawing);
     notes.extend(drawn.notes);
@@ -263,16 +263,16 @@ pub fn run(options: &PlotOptions) -> Result<String, Report> {
     Ok(lines)
 }
 
-/// Rejects figures that are there but not as this program has made them, and a table that is none
-/// behind a figure beside it.
-fn refuse_edited(figures: &[PathBuf], table: &Path, overwrite: bool) -> Result<(), Report> {
+/// Rejects figures that are there but not as this program has made them, and a table that is there
+/// with other rows and behind none of these figures.
+fn refuse_edited(figures: &[PathBuf], csv: (&Path, &[u8]), overwrite: bool) -> Result<(), Report> {
     for path in figures {
         refuse_existing(path, overwrite || table_behind(path).is_some())?;
     }
-    let found = read(table, MOST_BYTES).ok().map(|table| crc32fast::hash(&table));
-    let beside = FigureFormat::ALL.map(|format| table.with_extension(format.extension()));
-    let mut known = beside.iter().chain(figures).map(|figure| table_behind(figure));
-    refuse_existing(table, overwrite || found.is_some() && known.any(|known| known == found))
+    let found = read(csv.0, MOST_BYTES).map_or(0, |table| crc32fast::hash(&table));
+    let mut known = figures.iter().filter_map(|figure| table_behind(figure));
+    let is_own = known.any(|known| known == found) || found == crc32fast::hash(csv.1);
+    refuse_existing(csv.0, overwrite || is_own)
 }
 
 /// Writes figures and the table behind them, and has all take their places if that succeeds; first the
@@ -305,7 +305,7 @@ pub fn write_unless_edited(
     let paths: Vec<PathBuf> = figures.iter().map(|name| folder.path(name)).collect();
     let (csv, rows) = (folder.path(table.0), table.1);
     // Another process may end at the same time, with other results.
-    let written = while_locked(&csv, || match refuse_edited(&paths, &csv, false) {
+    let written = while_locked(&csv, || match refuse_edited(&paths, (&csv, rows), false) {
         Err(problem) => {
             eprint_line(&format!("{problem}, edited: figure and table are left as they are"));
             Ok(())

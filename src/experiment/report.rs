@@ -10,10 +10,12 @@ use super::folder::{Folder, picture_name};
 use super::plot::Grouping;
 use super::saved_runs::SavedRun;
 use super::spec::{JobResult, JobSpec};
-use gdg::text::{aligned, counted, markdown};
+use gdg::text::{aligned, counted, grouped, markdown};
 
 /// File of the learning curves, beside their table.
 pub const CURVES: &str = "success.svg";
+
+const BRACKETS: &str = "the worst seed; in square ones: of how many seeds or maps, if not of all";
 
 struct ReportColumn {
     title: &'static str,
@@ -33,15 +35,15 @@ const fn column(
 }
 
 const COLUMNS: [ReportColumn; 10] = [
-    column("planned", 3, true, |r| r.last()?.planned.as_ref()?.success),
+    column("planned", 2, true, |r| r.last()?.planned.as_ref()?.success),
     column("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
-    column("greedy", 3, true, |r| r.last()?.greedy.success),
-    column("straight", 3, false, |r| r.last()?.straight.as_ref()?.success),
+    column("greedy", 2, true, |r| r.last()?.greedy.success),
+    column("straight", 2, false, |r| r.last()?.straight.as_ref()?.success),
     column("error of D", 2, true, |r| Some(r.last()?.distance_error?.mape)),
     column("error near", 2, false, |r| Some(r.last()?.distance_error?.near_mape)),
     column("error of graph", 2, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
     column("false edges", 0, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
-    column("coverage", 3, true, |r| r.last()?.coverage),
+    column("coverage", 2, true, |r| r.last()?.coverage),
     column("updates/s", 0, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
 ];
 
@@ -122,7 +124,7 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
             (found, all) if found < all && all > 1 => format!(" ({found} of {all} seeds)"),
             _ => String::new(),
         };
-        let about = [plain(&row.map) + &missing, label.clone(), row.about.updates.to_string()];
+        let about = [plain(&row.map) + &missing, label.clone(), grouped(row.about.updates)];
         let cells = columns().map(|column| column.cell(&row.results));
         lines.push(about.into_iter().chain(cells).collect());
     }
@@ -149,13 +151,14 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
                 let text = || of_some(column.format(of(column, &values)), values.len(), own.len());
                 if values.is_empty() { "-".to_owned() } else { text() }
             });
-            let updates = first.about.updates.to_string();
+            let updates = grouped(first.about.updates);
             let about = [format!("{name} of {}", own.len()), label.clone(), updates];
             lines.push(about.into_iter().chain(total).collect());
         }
     }
     if !as_markdown {
-        return aligned(&lines);
+        let (table, note) = (aligned(&lines), format!("In brackets: {BRACKETS}.\n"));
+        return if table.contains(") ") { table + &note } else { table };
     }
     markdown_table(&format!("ll{}", "r".repeat(lines[0].len() - 2)), &lines)
 }
@@ -215,9 +218,9 @@ fn mean(values: &[f64]) -> f64 {
 /// curves, if there are any.
 pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String {
     let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table(rows, true));
-    out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light \
-            near and dark far, with contour lines; from the start (blue), the plan is red and the \
-            path walked white.\n\nPlanned and greedy are success rates with plans and of the actor \
+    out += "\nIn the pictures, colours show the learned distance D to the goal (red), light \
+            near and dark far, with contour lines; from the start (orange), the plan is light red and \
+            the path walked orange.\n\nPlanned and greedy are success rates with plans and of the actor \
             alone, straight that of walking straight at the goal; SPL is that of plans, weighted \
             by path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, \
             of D up to 10 steps, and of the distance along the graph. False edges join places that \
@@ -233,7 +236,7 @@ pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String
         last = Some(&row.map);
         let size = row.about.fingerprint.as_ref().and_then(|facts| facts.split(", ").next());
         let size = size.map_or(String::new(), |size| format!("{size}, "));
-        let updates = row.about.updates;
+        let updates = grouped(row.about.updates);
         let label = markdown(&row.label);
         let set: String = row.about.settings.iter().map(|set| format!(" {set}")).collect();
         let (preset, set) = (row.about.preset.name(), markdown(&set));
@@ -255,8 +258,7 @@ fn about(rows: &[JobRow]) -> String {
     format!(
         "gdg-tui {}; {least}{} each, on tasks at six distances. Agents start at the map's `S`; on a map \
          without one, at one cell of its largest component that the seed draws; with \
-         restart=anywhere, anywhere. In brackets: the worst seed; \
-         in square ones: of how many seeds or maps, if not of all.",
+         restart=anywhere, anywhere. In brackets: {BRACKETS}.",
         env!("CARGO_PKG_VERSION"),
         counted(most, "seed"),
     )

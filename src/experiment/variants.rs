@@ -135,7 +135,8 @@ fn as_listed(text: String) -> String {
 fn combinations(sweeps: &[String]) -> Result<Vec<Vec<String>>, Report> {
     let mut all = vec![Vec::new()];
     for sweep in sweeps {
-        let Some((name, values)) = sweep.split_once('=') else {
+        let parts = sweep.split_once('=').filter(|(_, values)| !values.trim().is_empty());
+        let Some((name, values)) = parts else {
             let help = "--sweep hidden=32,64,128";
             return Err(miette!(help = help, "--sweep {sweep}: not SETTING=VALUE,VALUE"));
         };

@@ -1,7 +1,7 @@
 //! The files that a run writes: which may be replaced, and where the others go.
 
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, absolute};
 
 use directories::ProjectDirs;
 use miette::{Report, miette};
@@ -49,16 +49,16 @@ pub fn refuse_input<'a>(
     let of_image =
         |input: &Path| image_named_in(input).is_some_and(|image| is_same_file(&image, path));
     if inputs.chain([output]).any(|input| is_same_file(input, path) || of_image(input)) {
-        let help = format!("give {option} another name");
-        let file = path.display();
+        let (file, help) = (path.display(), format!("give {option} another name"));
         return Err(miette!(help = help, "{file}: is used by this run and is not replaced"));
     }
     Ok(())
 }
 
 pub fn is_same_file(a: &Path, b: &Path) -> bool {
-    // Comparing opens them, which would block on a pipe.
-    a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
+    // Comparing opens them, which would block on a pipe. Neither may be there yet.
+    let is_one = a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false);
+    is_one || absolute(a).is_ok_and(|a| absolute(b).is_ok_and(|b| a == b))
 }
 
 /// Rejects the path of an existing file unless it may be replaced: only regular files are, and
@@ -114,9 +114,8 @@ pub fn prepare_file<'a>(
 /// Returns where a file that cannot be saved to `path` goes instead: beside it, as the file itself may
 /// be what cannot be replaced, in `saves/`, or in the user's state folder.
 pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
-    let state = ProjectDirs::from("", "", "gdg-tui");
-    let state =
-        state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
+    let dirs = ProjectDirs::from("", "", "gdg-tui");
+    let state = dirs.map(|own| own.state_dir().unwrap_or(own.data_local_dir()).join("recovered"));
     let name = path.file_name().unwrap_or_default();
     let folders = [Some(PathBuf::from(SAVES)), state].into_iter().flatten();
     let others = folders.map(|folder| folder.join(name));

@@ -11,8 +11,9 @@ use gdg::files::is_hidden;
 use gdg::text::safe_file_name;
 use gdg::train::{RunDescription, describe};
 
-/// Default folder for checkpoints.
+/// Default folders for checkpoints and for exports.
 pub const SAVES: &str = "saves";
+pub const EXPORTS: &str = "exports";
 
 /// Extensions of checkpoints, and of exported policies, which are not checkpoints.
 const EXTENSION: &str = ".safetensors";

@@ -20,12 +20,11 @@ use crate::figure::{
     round_top,
 };
 use crate::headless::metrics::Curves;
+use crate::setup::saves::EXPORTS;
 use crate::tui::choices::ExportKind;
 use gdg::draw::Picture;
 use gdg::engine::Snapshot;
 use gdg::files;
-
-const EXPORT_FOLDER: &str = "exports";
 
 /// Why an export fails.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +52,7 @@ pub fn begin(
     Ok(move || {
         // A paused run may be exported several times.
         let end = format!("-{}.{}", kind.stem(noun), kind.file_type());
-        let path = files::named(Path::new(EXPORT_FOLDER), &name, &end);
+        let path = files::named(Path::new(EXPORTS), &name, &end);
         let written = encode().and_then(|bytes| Ok(files::write_to_unused(&path, &bytes)?));
         let written = written.map(|path| format!("wrote {}", path.display()));
         written.map_err(|error| format!("{} cannot be written: {error}", path.display()))

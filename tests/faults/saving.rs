@@ -353,9 +353,10 @@ fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
             assert_eq!(status, 0, "{errors}");
             assert!(folder.path().join(output.trim_end()).is_file());
         }
-        let made = names(folder.path());
-        assert!(made.len() == 4 && made.iter().all(|name| name.len() <= 255), "{made:?}");
-        made.iter().for_each(|name| std::fs::remove_file(folder.path().join(name)).unwrap());
+        let made = [names(folder.path()), names(&folder.path().join("exports"))].concat();
+        assert!(made.len() == 5 && made.iter().all(|name| name.len() <= 255), "{made:?}");
+        std::fs::remove_dir_all(folder.path()).unwrap();
+        std::fs::create_dir(folder.path()).unwrap();
     }
     let name = "x".repeat(256);
     let (status, output, errors) =

@@ -39,10 +39,10 @@ const PROGRAM: [Room; 8] = [
     ("setup", 855),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_650),
-    ("tui", 19_346),
+    ("experiment", 5_649),
+    ("tui", 19_345),
     ("cli", 601),
-    ("commands", 985),
+    ("commands", 984),
 ];
 
 /// What lies beside the modules.

@@ -167,7 +167,7 @@ fn bridge_row(map: &Grid, title: &str, bridge: &BridgeTrial) -> Vec<MapPanel> {
     let BridgeTrial { direct, found, searches, tried, from_start, to_goal, walk } = bridge;
     let sum = from_start.iter().zip(to_goal).map(|(from, to)| Some((*from)? + (*to)?));
     let sum: Vec<Option<f32>> = sum.collect();
-    let raster = Raster::of_map(map, MAP_PIXELS, MAP_PIXELS);
+    let raster = Raster::of_map(map, MAP_PIXELS);
     let point = found.map(|found| found.point);
     let path = walk.path.iter().take(1).copied().collect();
     let ends = Walked { plan: Vec::new(), path, ..walk.clone() };
@@ -198,7 +198,7 @@ fn bridge_row(map: &Grid, title: &str, bridge: &BridgeTrial) -> Vec<MapPanel> {
 }
 
 fn path_panel(map: &Grid, title: &str, walk: &Walked) -> MapPanel {
-    let raster = Raster::of_map(map, MAP_PIXELS, MAP_PIXELS);
+    let raster = Raster::of_map(map, MAP_PIXELS);
     let mut picture = Picture::new(raster.pixels, WALL);
     for i in raster.free_ground(map).0 {
         picture.pixels_mut()[i] = FLOOR;
@@ -242,8 +242,8 @@ const BRIDGE_SEARCH: &str = "The published search, on one far task after another
                              bridge point: b with D(s,b) + D(b,g) < D(s,g), among candidates that \
                              are at least a quarter of D(s,g) from either end.";
 
-const MAPS: &str = "Blue: the start s; orange: the goal g; red: the bridge point b and the plan; \
-                    white: the walk.\n";
+const MAPS: &str = "Orange: the start s and the walk; red: the goal g; light red: the bridge point b \
+                    and the plan.\n";
 
 const AT_THE_END: &str = "Ours: success rate at the end, all distances.";
 

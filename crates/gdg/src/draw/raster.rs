@@ -29,14 +29,14 @@ pub enum RasterPixel {
 }
 
 impl Raster {
-    /// Returns the pixels for a whole map: as many for each cell as possible, at most
-    /// `per_cell` along its side, or the map scaled down where it is longer than `longest` pixels.
-    pub fn of_map(map: &Grid, longest: usize, per_cell: usize) -> Self {
+    /// Returns the pixels for a whole map: as many for each cell as possible, or the map scaled down
+    /// where it is longer than `longest` pixels.
+    pub fn of_map(map: &Grid, longest: usize) -> Self {
         let (width, height) = (map.width(), map.height());
         let longer = width.max(height);
         let along = |side: usize| match longest / longer {
             0 => (side * longest).div_ceil(longer),
-            scale => side * scale.min(per_cell),
+            scale => side * scale,
         };
         let window = [0.0, 0.0, width as f32, height as f32];
         Self { window, pixels: (along(width), along(height)) }

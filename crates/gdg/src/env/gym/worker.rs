@@ -262,7 +262,6 @@ struct Exception {
     /// Whether the environment is one that the program does not support.
     unsupported: bool,
     /// The module that is missing, if that is the problem.
-    #[serde(default)]
     missing: Option<String>,
     error: String,
     /// Files and lines, the innermost last.
@@ -547,7 +546,8 @@ impl GymWorker {
         let shown = |text: &str| truncated(text, 3 * MAX_SHOWN_CHARS);
         if let Some(module) = found.missing {
             let known = ["numpy", "gymnasium", "gymnasium_robotics", "mujoco"].contains(&&*module);
-            let how = if known { "pip install gymnasium-robotics mujoco" } else { "install it" };
+            let farama = "pip install gymnasium, and for Farama's mazes gymnasium-robotics mujoco,";
+            let how = if known { farama } else { "install it" };
             return self.fail(format!(
                 "there is no Python module {}: looked for in {}; {how} in the virtual \
                  environment that is active or that --python PATH names, or name its folder in PYTHONPATH",
