@@ -79,7 +79,7 @@ fn maps_too_long_for_positions_in_single_precision_are_refused() {
         )
         .unwrap();
         let (status, output, errors) = check(&name);
-        assert!(status == 0 && output.contains("32767 steps"), "{output}{errors}");
+        assert!(status == 0 && output.contains("32,767 steps"), "{output}{errors}");
     }
     let long = format!("type octile\nheight 1\nwidth 32769\nmap\n{}\n", ".".repeat(32_769));
     std::fs::write(folder.path().join("long.map"), long).unwrap();

@@ -128,7 +128,7 @@ impl SavedRun {
 
     /// Whether these records can be of the run in a checkpoint that they name: it has what was
     /// evaluated before their last save. Others may have replaced the file.
-    fn has_saved(&self, checkpoint: &Self) -> bool {
+    pub fn has_saved(&self, checkpoint: &Self) -> bool {
         let at = self.saved_at.unwrap_or(0);
         let is_evaluated = self.evaluations.iter().any(|evaluated| evaluated.updates <= at);
         self.is_same(checkpoint)

@@ -237,7 +237,7 @@ impl List {
 fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> {
     // What the records of a run name may have been replaced since.
     let is_own = |run: &SavedRun, path: &Path| {
-        let is_same = |found: &SavedRun| found.is_same(run) || found.is_of_one_run(run);
+        let is_same = |found: &SavedRun| run.has_saved(found) || found.is_of_one_run(run);
         run.kind != RunKind::Records || file(path).iter().flatten().all(is_same)
     };
     let checkpoint = |run: &SavedRun| {
@@ -351,6 +351,10 @@ mod tests {
         for other in [resumed(2, 16, 900), resumed(1, 32, 900)] {
             assert!(other.is_err_and(|why| why.contains("is another run's")));
         }
+        assert_eq!(resumed(1, 16, 900), Ok(path.clone()));
+        let edits = vec![(1, "b".to_owned())];
+        let edited = SavedRun { edits, saved_at: Some(950), ..run.clone() };
+        assert!(wish(&edited, None).is_err(), "any map would do, but it was saved later");
     }
 
     #[test]
