@@ -82,7 +82,7 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
     }
 }
 
-/// Returns the settings by group, with their defaults, for a terminal of so many columns.
+/// Returns the settings with their defaults, by group and wrapped to `columns`.
 fn settings(columns: usize) -> String {
     let mut all: Vec<_> = SETTINGS.iter().zip(list_settings(&Settings::default())).collect();
     all.sort_by_key(|(setting, _)| setting.heading() != USUAL);

@@ -46,8 +46,9 @@ pub fn refuse_input<'a>(
     inputs: impl Iterator<Item = &'a Path>,
 ) -> Result<(), Report> {
     let output = Path::new("/dev/stdout");
-    let of_image =
+    let reads =
         |input: &Path| image_named_in(input).is_some_and(|image| is_same_file(&image, path));
+    let of_image = |input: &Path| path.is_file() && reads(input);
     if inputs.chain([output]).any(|input| is_same_file(input, path) || of_image(input)) {
         let (file, help) = (path.display(), format!("give {option} another name"));
         return Err(miette!(help = help, "{file}: is used by this run and is not replaced"));

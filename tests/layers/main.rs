@@ -36,7 +36,7 @@ const LIBRARY: [Room; 15] = [
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
     ("process", 674),
-    ("setup", 855),
+    ("setup", 856),
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_649),

@@ -69,8 +69,8 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
     for i in is_open(&into, &checkpoints) {
         let file = whole(&runs[i].source);
         let named = naming.get(&file).into_iter().flatten().copied();
-        // Others may have begun anew and replaced the file. What goes on from it, unsaved or saved to
-        // another, does not have what it has.
+        // Another run may have replaced the file. A part that continues it, unsaved or saved
+        // elsewhere, lacks what it holds.
         let last = |part| std::iter::successors(Some(part), |part| into[*part]).last();
         into[i] = named
             .filter(|part| runs[*part].has_saved(&runs[i]))

@@ -202,7 +202,7 @@ impl List {
         }
         let is_chosen = |run: &Arc<SavedRun>| rows.iter().any(|chosen| is_same(chosen, run));
         let kept: Vec<&Arc<SavedRun>> = self.all.iter().filter(|run| !is_chosen(run)).collect();
-        // Copies of a run, and those that began anew, may name the same checkpoint.
+        // A copy of a run, or one started again, may name the same checkpoint.
         let named = kept.iter().flat_map(|run| run.checkpoint.iter().chain(&run.resumed));
         let named: HashSet<PathBuf> = named.map(|path| whole(path)).collect();
         let others = rows.iter().flat_map(|run| &run.others);

@@ -88,7 +88,7 @@ impl Excursions {
     }
 
     /// Records a step of any agent. When many steps show that places differ in something else, the table
-    /// of places begins anew, and all excursions end.
+    /// of places starts over, and all excursions end.
     pub fn note(&mut self, agent: usize, spec: &Spec, [state, next]: [&[f32]; 2], action: &[f32]) {
         if spec.state_dim() == spec.goal_dim() {
             return;

@@ -55,7 +55,7 @@ pub fn widen(store: &mut Store, name: &str, mlp: Mlp, columns: Range<usize>) {
 }
 
 /// Rewrites the outputs of the saved dynamics model `name`, changes of state components in units of
-/// their typical ones. Its gradients change in size, so Adam begins anew.
+/// their typical ones. Its gradients change in size, so Adam starts over.
 pub fn outputs(store: &mut Store, name: &str, mlp: Mlp, [before, now]: [&Spec; 2]) {
     if before.change_scale == now.change_scale {
         return;

@@ -224,8 +224,8 @@ const FREE: f32 = 0.196;
 /// Returns the image that the map of ROS at `path` names, if it is one.
 pub fn image_named_in(path: &Path) -> Option<PathBuf> {
     let (file, bytes) = (path.to_string_lossy(), read_file(path, "map").ok()?);
-    let text = TextFile::new(&file, &bytes).ok()?;
-    let root = tree_from(&text, 0).ok().filter(|_| has_key(&text, "image"))?;
+    let text = TextFile::new(&file, &bytes).ok().filter(|text| has_key(text, "image"))?;
+    let root = tree_from(&text, 0).ok()?;
     Some(path.parent()?.join(root.get("image")?.scalar(&text, "", ROS_KEYS).ok()?))
 }
 
