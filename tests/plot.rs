@@ -96,6 +96,10 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
         }
         std::fs::write(folder.path().join(name), own).unwrap();
     }
+    // A run's table is replaced by none.
+    std::fs::write(folder.path().join("run.csv"), "event,seconds\n").unwrap();
+    let refused = plot(folder.path(), &["a.jsonl", "--out", "run.svg", "--overwrite"]);
+    has_parts(&refused.refusal(), &["run.csv: is not a table of a figure"]);
     // The table is one of its own as long as a figure beside it says so.
     std::fs::remove_file(folder.path().join("fig.pdf")).unwrap();
     let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "greedy"];

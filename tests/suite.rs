@@ -322,8 +322,12 @@ fn jobs_are_listed_and_run_by_name() {
     let mut resume = program_in(place.0.path());
     resume
         .args(["--no-ui", "--max-updates", "40", "--eval-tasks", "1", "--resume"])
-        .arg(checkpoint);
+        .arg(&checkpoint)
+        .arg("--save")
+        .arg(&checkpoint);
     assert!(resume.output().unwrap().status.success());
+    let runs = program_in(place.0.path()).args(["runs", "--json", "out"]).output().unwrap().stdout;
+    has_parts(&String::from_utf8(runs).unwrap(), &["\"updates\":30,", "\"updates\":40,"]);
 }
 
 #[test]

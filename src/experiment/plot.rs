@@ -14,7 +14,7 @@ use super::saved_runs::{self, SavedRun};
 use super::spec::EvaluationAt;
 use crate::figure::{ChartPage, FigureFormat, MILLIMETRE, MOST_BYTES, Sheet, table_behind};
 use crate::process::waiting::Waiting;
-use crate::setup::outputs::{prepare_file, refuse_existing};
+use crate::setup::outputs::{prepare_file, refuse_existing, refuse_other_kind};
 use gdg::files::{named, read, while_locked};
 use gdg::printing::eprint_line;
 use gdg::train::Evaluation;
@@ -272,7 +272,8 @@ fn refuse_edited(figures: &[PathBuf], csv: (&Path, &[u8]), overwrite: bool) -> R
     let found = read(csv.0, MOST_BYTES).map_or(0, |table| crc32fast::hash(&table));
     let mut known = figures.iter().filter_map(|figure| table_behind(figure));
     let is_own = known.any(|known| known == found) || found == crc32fast::hash(csv.1);
-    refuse_existing(csv.0, overwrite || is_own)
+    refuse_existing(csv.0, overwrite || is_own)?;
+    refuse_other_kind(csv.0, "a table of a figure", |start| start.starts_with(b"chart,"))
 }
 
 /// Writes figures and the table behind them, and has all take their places if that succeeds; first the

@@ -6,7 +6,6 @@ mod read_records;
 mod reader;
 
 use std::cmp::Ordering;
-use std::collections::HashSet;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -184,7 +183,8 @@ impl SavedRun {
 
     /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.
     pub fn kept(&self) -> Option<PathBuf> {
-        let beside = Some(self.source.with_extension("safetensors"));
+        let beside = self.source.with_extension("safetensors");
+        let beside = (self.kind == RunKind::Records).then_some(beside);
         [self.checkpoint.clone(), beside].into_iter().flatten().find(|path| path.is_file())
     }
 
@@ -410,11 +410,11 @@ pub fn files_of(folder: &Path) -> Result<Vec<PathBuf>, Report> {
     };
     let jobs = folder.join("jobs");
     let mut of_jobs = if jobs.is_dir() { listed(&jobs, &["json", "jsonl"])? } else { Vec::new() };
-    // Results replace checkpoints, which take longer to read.
-    let results: HashSet<PathBuf> =
-        of_jobs.iter().filter(|file| has_extension(file, "json")).cloned().collect();
+    // Results replace checkpoints, which take longer to read, unless these were trained on since.
+    let written = |file: &Path| std::fs::metadata(file).ok()?.modified().ok();
     of_jobs.retain(|file| {
-        !has_extension(file, "safetensors") || !results.contains(&file.with_extension("json"))
+        !has_extension(file, "safetensors")
+            || written(&file.with_extension("json")).is_none_or(|at| written(file) > Some(at))
     });
     Ok(of_jobs.into_iter().chain(listed(folder, &["jsonl"])?).collect())
 }

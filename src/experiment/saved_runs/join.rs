@@ -51,6 +51,11 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
             runs[*i].kind == RunKind::Records || runs[*i].updates <= runs[*result].updates
         });
     }
+    let of_another = checkpoints.iter().filter(|i| into[**i].is_none());
+    for result in of_another.filter_map(|i| results.get(&stem(*i))).collect::<Vec<_>>() {
+        let result = Arc::make_mut(&mut runs[*result]);
+        (result.others, result.checkpoint) = (Vec::new(), None);
+    }
     let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
     let is_open = |into: &[Option<usize>], all: &[usize]| -> Vec<usize> {
         all.iter().copied().filter(|i| into[*i].is_none()).collect()
@@ -257,8 +262,15 @@ mod tests {
             (RunKind::Checkpoint, "safetensors"),
         ]
         .map(|(kind, end)| of_job(kind, end));
+        // Its result names the file as it was.
+        let trained_on = run(RunKind::Checkpoint, "jobs/a.safetensors", 0, &[4, 9]);
+        let result = SavedRun { others: vec![trained_on.source.clone()], ..job[1].clone() };
         for (runs, expected) in [
-            (&[&first, &saved][..], &["1.jsonl [saves/a.safetensors] 1.0 2.0"][..]),
+            (
+                &[&result, &trained_on][..],
+                &["jobs/a.json [] 4.0", "jobs/a.safetensors [] 4.0 9.0"][..],
+            ),
+            (&[&first, &saved], &["1.jsonl [saves/a.safetensors] 1.0 2.0"]),
             (&[&first, &checkpoint(&[1, 2, 3])], &["1.jsonl [saves/a.safetensors] 1.0 2.0 3.0"]),
             // It does not name that one; and another run has replaced the file.
             (&[&first, &other], &["1.jsonl [] 1.0 2.0", "saves/b.safetensors [] 1.0"]),
