@@ -254,6 +254,7 @@ fn what_is_missing_or_unsupported_is_said() {
         ("OldReset", "the old gym: reset takes seed and options"),
         ("NoInfo", "this has to return observation, info"),
         ("Zero", "does not say when a goal is reached: give --goal-radius"),
+        ("Shares", "changes another in the same process"),
     ] {
         let output = train(folder.path(), name, &["--max-updates", "10"]).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{name}: {}", stderr(&output));
@@ -270,9 +271,12 @@ fn what_is_missing_or_unsupported_is_said() {
     let (error, _) = error_with(&format!("exec '{}' -c '{old}' \"$3\"", python().display()));
     assert_says(&error, "Python 3.8 or later is needed, and this is 3.7: --python PATH names");
     // What is not found out can be given.
-    let args = ["--max-updates", "10", "--goal-radius", "0.7"];
-    let output = train(folder.path(), "Dense", &args).output().unwrap();
-    assert!(output.status.success(), "{}", stderr(&output));
+    for (name, option, given) in [("Dense", "--goal-radius", "0.7"), ("Shares", "--workers", "16")]
+    {
+        let args = ["--max-updates", "10", option, given];
+        let output = train(folder.path(), name, &args).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+    }
 }
 
 #[test]

@@ -287,6 +287,21 @@ class Elsewhere(Point):
         return super().step(action * self.drawn.uniform(0.5, 1.0))
 
 
+class Shares(Point):
+    """All environments of a process move one object."""
+
+    def reset(self, seed=None, options=None):
+        begun = super().reset(seed=seed)
+        Shares.object = self.at
+        return begun
+
+    def step(self, action):
+        self.at = Shares.object
+        moved = super().step(action)
+        Shares.object = self.at
+        return moved
+
+
 class Hidden(Point):
     """Keeps what matters late in an object."""
 

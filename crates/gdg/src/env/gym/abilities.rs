@@ -133,9 +133,10 @@ impl Evaluated for Gym {
     /// of each of its tasks.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> Result<TaskSet> {
         let groups = self.pool.about.tasks.unwrap_or(1);
-        // As many environments as its tasks need later.
-        let together = TASKS_AT_ONCE.min(per_group * groups as usize).max(1);
-        let mut world = self.with_agents(vec![(self.pool.take(together)?, 0..1)], 1);
+        // As many environments as its tasks need of each worker later.
+        let together = TASKS_AT_ONCE.min(per_group * groups as usize);
+        let each = together.div_ceil(self.pool.options.workers.max(1)).max(1);
+        let mut world = self.with_agents(vec![(self.pool.take(each)?, 0..1)], 1);
         let mut set = TaskSet { distances: vec![None; groups as usize], ..TaskSet::default() };
         for group in 0..groups {
             let task = self.pool.about.tasks.map(|_| 1 + group);

@@ -450,7 +450,31 @@ def make_all(body):
     (count,) = map(int, numbers(body))
     while len(slots) < count:
         slots.append(Slot())
+        if len(slots) == 2 and share_a_world(*slots):
+            raise Unsupported(
+                "what one of its environments does changes another in the same process, as they share what they "
+                "simulate: give each a process of its own, with --workers as large as the setting agents, 16 or more"
+            )
     return ()
+
+
+def share_a_world(one, other):
+    """Whether one environment goes on differently after another has been reset and stepped."""
+    reset(one, 0)
+    action = one.env.action_space.sample()
+
+    def after(between):
+        reset(one, 0)
+        between()
+        return goals.observe(step(one, action)).tobytes()
+
+    def move_other():
+        reset(other, 1)
+        step(other, action)
+
+    # One that chance decides never goes on as before.
+    moved, alone = after(move_other), after(tuple)
+    return moved != alone and alone == after(tuple)
 
 
 def safe(text):
