@@ -676,6 +676,8 @@ fn recorded_data_of_ogbench_are_learned_from_in_its_built_in_mazes() {
     let warning = done.err;
     assert!(warning.contains("of 4000 transitions are left out"), "contacts differ: {warning}");
     assert!(!warning.contains("another map"), "{warning}");
+    let refused = gdg(&[&args[..4], &["--max-episodes", "1"]].concat()).refusal();
+    assert!(refused.contains("--max-episodes: with --data alone, no episode ends"), "{refused}");
     let error = gdg(&["check", "ogbench-pointmaze-giant", "--cell", "2"]).refusal();
     assert!(error.contains("the map has a scale of its own"), "{error}");
 }

@@ -77,6 +77,11 @@ pub fn prepare(
         None => begin_run(args, registry, progress)?,
     };
     trainer.check_data().map_err(from_data_error)?;
+    let acts = trainer.acts() || trainer.run().settings.train.offline_updates > 0;
+    if args.max_episodes.is_some() && !acts {
+        let help = "give --max-updates, or --set offline_updates=N, after which agents act";
+        return Err(miette!(help = help, "--max-episodes: with --data alone, no episode ends"));
+    }
     if resumed.is_some() && args.data.is_some() && !trainer.reads_data() {
         let help = "leave --data out, or begin a run with it";
         return Err(miette!(help = help, "--data: the checkpoint has transitions of its own"));

@@ -379,7 +379,9 @@ impl GymWorker {
             None => ("observation", i),
         };
         let value = row[i];
-        Err(self.fail(format!("{during} returned {value} as component {component} of its {part}")))
+        Err(self.fail(format!(
+            "{during} returned {value} as component {component} of its {part}: numbers are from -1e9 to 1e9"
+        )))
     }
 }
 
