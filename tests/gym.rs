@@ -488,6 +488,13 @@ fn a_goal_radius_that_is_too_large_and_a_goal_that_moves_are_said() {
         ("Point", "20", 2, "256 of 256 goals are reached at the start: the goal radius of 20"),
         ("Point", "7", 0, "goals are reached at the start: the goal radius of 7 is large for it"),
         ("Wanders", "0.5", 0, "its desired goal moves within episodes: agents head for the one"),
+        (
+            "Moved",
+            "0.5",
+            0,
+            "its walls are left out, as it begins in none of its maze's free cells",
+        ),
+        ("Extra", "0.5", 0, "its observations are read without time"),
         ("Brief", "0.5", 0, "warning: Brief-v0: every episode ends with its first step"),
         ("Still", "0.5", 0, "warning: Still-v0: nothing has moved in the random steps"),
     ] {
@@ -611,7 +618,7 @@ fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
         else {
             panic!("a space of goals")
         };
-        assert_eq!([0, 1].map(|i| space.range(i)), [[-5.0, 5.0], [-1.0, 5.0]]);
+        assert_eq!([0, 1].map(|i| space.range(i)), [[-5.0, 5.0]; 2]);
         assert_eq!(free.map(|at| space.is_wall(at)), [false; 5], "{name}");
         assert_eq!(walls.map(|at| space.is_wall(at)), [true; 5], "{name}, also outside");
     }

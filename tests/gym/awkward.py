@@ -372,7 +372,7 @@ class Aimless(Tasks):
 class Maze(Tasks):
     """A maze of cells of two units, which says where its walls are, as OGBench's do."""
 
-    maze_map = np.array([[0, 0, 0, 0, 0], [1, 1, 0, 1, 0], [0, 0, 0, 1, 0]])
+    maze_map = np.array([[0, 0, 0, 0, 0], [1, 1, 0, 1, 0], [0, 0, 0, 1, 0], [1] * 5, [0] * 5])
 
     def __init__(self, **how):
         super().__init__(**how)
@@ -391,6 +391,24 @@ class FloatMaze(Maze):
 
 class BoolMaze(Maze):
     maze_map = Maze.maze_map.astype(bool)
+
+
+class Moved(Maze):
+    """Says where its walls are in another unit."""
+
+    def ij_to_xy(self, cell):
+        return [100 + place for place in super().ij_to_xy(cell)]
+
+
+class Extra(Point):
+    """Observes more than is read."""
+
+    def __init__(self, **how):
+        super().__init__(**how)
+        self.observation_space["time"] = gym.spaces.Box(0, 1, (1,), np.float64)
+
+    def observe(self):
+        return {**super().observe(), "time": np.zeros(1)}
 
 
 class Whole(Point):

@@ -153,10 +153,12 @@ class Goals:
     """Where an environment has its goals: in the observation, or in `info` as OGBench does."""
 
     def __init__(self, slot):
-        _, info = reset(slot, 0)
+        observation, info = reset(slot, 0)
         space = slot.env.observation_space
         self.in_observation = isinstance(space, gym.spaces.Dict) and set(PARTS) <= set(space.spaces)
+        self.start, self.left_out = observation, []
         if self.in_observation:
+            self.start, self.left_out = observation["achieved_goal"], sorted(set(space.spaces) - set(PARTS))
             self.observed = flat_numbers(space["observation"], "its observations are")
             self.achieved = flat_numbers(space["achieved_goal"], "its goals are")
             self.goal = flat_numbers(space["desired_goal"], "its goals are")
@@ -254,6 +256,12 @@ def find_maze(own):
     except Exception:  # It is no maze of a kind that is known.
         traceback.print_exc()
         return None
+
+
+def is_free(maze, position):
+    column, row = np.rint((np.asarray(position)[:2] - maze["first"]) / maze["cell"])
+    cells = maze["is_wall"]
+    return 0 <= row < len(cells) and 0 <= column < len(cells[0]) and not cells[int(row)][int(column)]
 
 
 def of_gymnasium(wanted, ask):
@@ -362,6 +370,12 @@ def describe(slot, package):
     says_radius = isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
     limit = gym.spec(slot.env.spec.id).max_episode_steps
     tasks = None if goals.in_observation else getattr(own, "num_tasks", None)
+    maze, notes = find_maze(own), []
+    if goals.left_out:
+        notes.append("its observations are read without " + ", ".join(map(str, goals.left_out)))
+    if maze and not is_free(maze, goals.start):
+        maze = None
+        notes.append("its walls are left out, as it begins in none of its maze's free cells: in another unit?")
     return {
         "observed": goals.observed,
         "achieved": goals.achieved,
@@ -372,7 +386,8 @@ def describe(slot, package):
         "time_limit": None if limit is None else int(limit),
         "tasks": int(tasks) if isinstance(tasks, (int, np.integer)) else None,
         "goal_radius": float(radius) if says_radius else None,
-        "maze": find_maze(own),
+        "maze": maze,
+        "notes": notes,
         "versions": versions(package),
         "sources": sources(type(own).__module__, package),
     }
@@ -453,7 +468,7 @@ def make_all(body):
         if len(slots) == 2 and share_a_world(*slots):
             raise Unsupported(
                 "what one of its environments does changes another in the same process, as they share what they "
-                "simulate: give each a process of its own, with --workers as large as the setting agents, 16 or more"
+                "simulate: give each a process of its own, with --workers as many as agents, 16 at least"
             )
     return ()
 

@@ -157,6 +157,9 @@ pub struct EnvDescription {
     pub goal_radius: Option<f32>,
     /// The walls of its maze, if it has one; positions in it are a goal's first two numbers.
     pub maze: Option<Walls>,
+    /// What of it is left out.
+    #[serde(default)]
+    pub notes: Vec<String>,
     /// Versions of Python and of packages.
     pub versions: BTreeMap<String, String>,
     /// Checksums of its files, by name.
@@ -198,7 +201,7 @@ impl EnvDescription {
         let most = grouped(MAX_BUDGET_STEPS.into());
         let endless = endless
             .then(|| format!("its time limit is ignored: episodes have at most {most} steps"));
-        endless.into_iter().chain(self.unbounded())
+        self.notes.iter().cloned().chain(endless).chain(self.unbounded())
     }
 
     /// Names the files that are others than those of `kept`, if any: "... since the run".
