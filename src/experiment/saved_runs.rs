@@ -129,12 +129,14 @@ impl SavedRun {
     pub fn of_result(result: JobResult, source: PathBuf) -> Self {
         let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
         let data = result.data.map(|data| data.checksum);
+        // As records and checkpoints call it.
+        let id = result.world.strip_prefix("gym:").and_then(|address| address.rsplit(':').next());
         Self {
             source,
             kind: RunKind::Result,
             end: Some(RunState::Done),
             fingerprint: result.fingerprint,
-            map: result.world,
+            map: id.unwrap_or(&result.world).to_owned(),
             method: result.method.name(),
             variant: result.variant,
             settings: facts(result.preset.name(), result.settings, data, None),

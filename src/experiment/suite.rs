@@ -299,6 +299,8 @@ mod tests {
             let found = &jobs(out.path(), &format!("gym:NoSuch-v0 --budget 9 {shown}"))[0];
             assert_eq!(found.world.name(), job.world.name());
             assert_eq!(found.open_result().fingerprint, job.open_result().fingerprint);
+            // Among runs, by the name of records.
+            assert_eq!(SavedRun::of_result(found.open_result(), PathBuf::new()).map, "NoSuch-v0");
         }
     }
 
