@@ -302,7 +302,8 @@ fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
     (from[0] - to[0]).abs().max((from[1] - to[1]).abs())
 }
 
-fn wandering(_: &mut Tour, Cx { screen, .. }: &mut Cx) -> Option<Caption> {
+fn wandering(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    scene.maze()?;
     let text = if screen.theme.depth == ColourDepth::Mono {
         "The o are agents that wander about. Nobody rewards them. Shades show what they learn: D, the number of steps to G. \
          The denser, the farther."
@@ -443,7 +444,8 @@ fn open_door(tour: &mut Tour, cx: &mut Cx) {
     tour.send_walker(cx);
 }
 
-fn now_you(_: &mut Tour, Cx { screen, .. }: &mut Cx) -> Option<Caption> {
+fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    scene.maze()?;
     let key = |action| screen.keymap.key_of(action);
     let text = format!(
         "The door is open again. Click anywhere: @ walks there. {} adds the actor alone, {} draws walls, {} helps. \
