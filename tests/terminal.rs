@@ -49,7 +49,7 @@ fn a_maze_of_another_program_is_opened_and_trained_on() {
     session.press_for("3", "to G      6.5, 14.5");
     // Between the goal and the start is a wall, which can be opened.
     session.press_for("e", "EDIT");
-    session.press_for("kkk2x", "1 cell opened");
+    session.press_for("kkk2\r", "1 cell opened");
     session.press_for("u", "1 cell walled");
     session.close("EDIT");
     session.press_for("s", "saved saves/umaze-gdg-bridge-seed2.safetensors");
@@ -80,10 +80,9 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.press_for(" ", "paused");
     // Draw a wall at the cursor, which starts at the goal, and undo it.
     session.press_for("e", "EDIT");
-    session.press_for("kx", "1 cell walled");
+    session.press_for("k\r", "1 cell walled");
     session.press_for("u", "1 cell opened");
     session.press("\x1b");
-    // The notice about the edit hides the key hints for a few seconds.
     session.wait_for("Tab panes");
     session.press(" ");
     // Move the goal two cells left of the map's; the agent reaches it repeatedly.

@@ -76,12 +76,12 @@ pub enum ListAction {
     Page(isize),
     Mark,
     Filter,
-    Sort,
+    /// Sorts by the next column, or by the one before.
+    Sort(bool),
     Reverse,
     Measure,
     Axis,
-    Resume,
-    Compare,
+    Open,
     Delete,
 }
 

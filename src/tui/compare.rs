@@ -110,7 +110,7 @@ impl Comparison {
         let mut comparison = Self {
             race,
             // What a method is allowed to experience.
-            axis: XAxis::Steps,
+            axis: XAxis::default(),
             larger: None,
             mouse_on: 0,
             editor_at: 0,

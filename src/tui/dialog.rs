@@ -417,6 +417,14 @@ impl Picker {
         }
     }
 
+    /// Forgets what was searched for; what is selected stays so.
+    pub fn show_all(&mut self) {
+        let selected = self.shown.get(self.selected).copied();
+        self.typed.reset();
+        self.filter();
+        self.selected = selected.unwrap_or(0);
+    }
+
     fn filter(&mut self) {
         let typed = plain(self.typed.value());
         let scored =

@@ -33,8 +33,6 @@ pub struct ScreenLayout {
     /// The rows of the topmost list, and the index of the first one shown.
     pub rows: (Rect, usize),
     pub charts: Vec<ChartArea>,
-    /// The box of the guided tour, and the step it belongs to.
-    pub tour: Option<(usize, Rect)>,
     /// Whether there is no room for panes beside or below the map.
     pub lacks_panel: bool,
     clicks: Vec<(Rect, Click)>,

@@ -99,13 +99,20 @@ pub fn draw_panes(
             }
             PanelPosition::Nowhere => [body, Rect::default()],
         };
+        let [map_pane, side, caption] = if side.is_empty() {
+            let [map_pane, caption] = caption::split(map_pane, screen);
+            [map_pane, side, caption]
+        } else {
+            let [side, caption] = caption::split(side, screen);
+            [map_pane, side, caption]
+        };
         page.layout.map_pane = map_pane;
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         let ScreenPainter { frame, layout, .. } = &mut page;
         scene.draw([map, info], Drawing { frame, screen, layout, cache });
         bars::draw_hint(&mut page, map);
-        caption::draw(&mut page, map);
+        caption::draw(&mut page, caption);
         if !side.is_empty() {
             side::draw(&mut page, side);
         }

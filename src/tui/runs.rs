@@ -150,7 +150,7 @@ impl RunsScreen {
             list: List::default(),
             words: Input::default(),
             is_typing: false,
-            curves: (Measure::Success, XAxis::Updates),
+            curves: Default::default(),
             deletion: None,
             help: None,
             log: Log::default(),
@@ -311,18 +311,21 @@ impl RunsScreen {
                 self.log.show("each letter marks a run already: unmark one first", true);
             }
             ListAction::Filter => self.is_typing = true,
-            ListAction::Sort => self.list.sort_by((self.list.order.0 + 1) % COLUMNS.len()),
+            ListAction::Sort(forth) => {
+                let by = if forth { 1 } else { COLUMNS.len() - 1 };
+                self.list.sort_by((self.list.order.0 + by) % COLUMNS.len());
+            }
             ListAction::Reverse => self.list.sort_by(self.list.order.0),
             ListAction::Measure => self.curves.0 = measure.next(),
             ListAction::Axis => self.curves.1 = axis.next(),
-            ListAction::Resume => {
-                let records = self.list.selected().map(|run| run.source.clone());
+            ListAction::Open => {
+                let alone = self.list.selected().filter(|_| self.list.pair().is_none());
+                let records = alone.map(|run| run.source.clone());
                 records.into_iter().for_each(|records| self.await_save(records));
                 if self.wish.is_none() && self.awaited.is_none() {
-                    self.wish = self.tell(self.list.to_resume());
+                    self.wish = self.tell(self.list.to_open());
                 }
             }
-            ListAction::Compare => self.wish = self.tell(self.list.to_compare()),
             ListAction::Delete => self.deletion = self.tell(self.list.to_delete()),
         }
     }

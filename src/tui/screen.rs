@@ -298,8 +298,6 @@ pub fn success_of(snapshot: &Snapshot) -> Option<SuccessSummary> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Caption {
     pub text: String,
-    /// Positions that the box never covers; it points to the first.
-    pub subject: Vec<[f32; 2]>,
     pub marks: Vec<([f32; 2], char)>,
     /// Whether its subject is currently visible.
     pub seen: bool,

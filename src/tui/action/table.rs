@@ -331,7 +331,7 @@ const MAP_EDITOR: &[Binding] = &[
         .about("fill an area with wall, or a wall with floor", "bucket flood"),
     tool(A::Tool(Tool::Start), "start", &["6"]).help("add or remove a start S"),
     tool(A::Tool(Tool::Goal), "goal", &["7"]).help("add or remove a goal G"),
-    tool(A::Apply, "apply", &["x", "enter"]).help("use the tool at the cursor; twice for a line"),
+    tool(A::Apply, "apply", &["enter"]).help("use the tool at the cursor; twice for a line"),
     edit(A::Undo, "undo", &["u"]).about("undo an edit", "revert back"),
     edit(A::Redo, "redo", &["ctrl-r"]).about("redo an edit", "repeat again"),
     scene(A::SaveMap, "save-map", &["ctrl-w"])
@@ -397,7 +397,7 @@ const PROGRAM: &[Binding] = &[
 
 const COMPARISON: &[Binding] = &[
     beside(A::Axis, "axis", &[], |comparison, _| comparison.axis = comparison.axis.next())
-        .help("curves over environment steps, seconds or updates (or click on their title)"),
+        .help("curves over updates, environment steps or seconds (or click on their title)"),
     beside(A::NextLarger, "next-larger", &["tab"], Comparison::next_larger)
         .help("left or right side larger, or both equal")
         .short("size"),
@@ -415,22 +415,21 @@ const RUNS: &[Binding] = &[
         "list only runs with all of the words typed: of map, method, settings and file; \
          seed=1 or hidden=64 must be equal",
     ),
-    on_runs(ListAction::Resume, "resume-run", &["enter"])
-        .short("resume")
-        .help("resume the selected run, or watch it while another program trains it"),
-    on_runs(ListAction::Compare, "compare-runs", &["c"]).short("compare").help(
-        "show side by side what two marked runs, or a marked and the selected one, have learned",
+    on_runs(ListAction::Open, "resume-run", &["enter"]).short("resume").help(
+        "resume the selected run, or watch it while another program trains it; of two marked runs, \
+         show side by side what they have learned",
     ),
-    on_runs(ListAction::Measure, "runs-curves", &["v"])
-        .short("curves")
-        .help("curves of success, of the actor alone, how far D is off, or the share explored"),
-    on_runs(ListAction::Axis, "runs-axis", &["x"])
-        .short("axis")
-        .help("curves over updates, environment steps or seconds"),
-    on_runs(ListAction::Sort, "sort-runs", &["s"])
+    on_runs(ListAction::Measure, "runs-curves", &["v"]).short("view").help(
+        "curves of the next quantity: success, that of the actor alone, how far D is off, explored",
+    ),
+    on_runs(ListAction::Axis, "runs-axis", &[])
+        .help("curves over updates, environment steps or seconds (or click on their title)"),
+    on_runs(ListAction::Sort(true), "sort-runs", &["right", "l"])
         .short("sort")
         .help("sort by the next column (or click on its name; again reverses)"),
-    on_runs(ListAction::Reverse, "reverse-runs", &["shift-s"]).help("reverse the order"),
+    on_runs(ListAction::Sort(false), "sort-runs-back", &["left", "h"])
+        .help("sort by the column before"),
+    on_runs(ListAction::Reverse, "reverse-runs", &["r"]).help("reverse the order"),
     on_runs(ListAction::Delete, "delete-runs", &["delete", "shift-d"])
         .help("delete the files of the marked runs, or of the selected one; asks first"),
     on_runs(ListAction::Page(-1), "runs-page-up", &["pageup"]).help("a page up"),

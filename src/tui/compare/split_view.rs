@@ -8,7 +8,7 @@
 //! | map                     | map                     |
 //! | meaning of colours      | meaning of colours      |
 //! | facts                   | facts                   |
-//! | success over environment steps                    |  curves
+//! | success rate over updates                         |  curves
 //! | keys, or a notice                                 |  footer
 //! +---------------------------------------------------+
 //! ```
@@ -21,7 +21,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{Comparison, LETTERS, maze_of};
-use crate::experiment::plot::Drawable;
+use crate::experiment::plot::{Drawable, Measure};
 use crate::tui::action::{Action, Mode};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::pane_text::short;
@@ -164,20 +164,21 @@ fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize
     frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
 }
 
-/// Draws a notice, or the available actions and their keys. The tools of the editor stay visible,
-/// so notices are in the first row then.
+/// Draws the actions that there are on either side and their keys, or the tools of the editor, and a
+/// notice above them.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
-    let Cx { screen, scene, .. } = &training_side(comparison).cx;
-    let (notice, is_editing) = (comparison.notice(), comparison.is_editing());
-    if let Some(notice) = notice {
-        let at = if is_editing { Rect { y: 0, ..area } } else { area };
-        bars::draw_notice(frame, at, &screen.theme, notice);
-    }
-    if is_editing {
+    let [first, a, b] =
+        [training_side(comparison), &comparison.sessions[0], &comparison.sessions[1]]
+            .map(|session| (&session.screen, &session.scene));
+    if comparison.is_editing() {
         let editor = &comparison.maze(comparison.editor_at).editor;
-        bars::editing(screen, editor, area.width).draw(frame, area, layout);
-    } else if comparison.notice().is_none() {
-        bars::keys(screen, scene, Mode::Comparing, area.width, false).draw(frame, area, layout);
+        bars::editing(first.0, editor, area.width)
+    } else {
+        bars::keys(&[first, a, b], Mode::Comparing, area.width, false)
+    }
+    .draw(frame, area, layout);
+    if let Some(notice) = comparison.notice() {
+        bars::draw_notice(frame, area, &first.0.theme, notice);
     }
 }
 
@@ -281,7 +282,7 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let now =
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
-    let title = format!(" success over {}", comparison.axis.label());
+    let title = format!(" {} over {}", Measure::Success.label(), comparison.axis.label());
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     layout.add(head, Click::Act(Action::Axis));
     if all.iter().all(|curve| curve.points.is_empty()) {

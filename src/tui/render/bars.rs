@@ -170,61 +170,58 @@ const MAX_NOTICE_ROWS: usize = 4;
 /// Keys at the end of the line that are the last to be left out.
 const LAST_KEYS: [Action; 2] = [Action::Help, Action::Quit];
 
-/// Draws the line, and the rest of a long notice above it.
+/// Draws the line, and a notice above it.
 pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
-    let notice = screen.log.notice();
-    // The tools of the editor stay visible, as does the line above them that explains colours.
     let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
-    if let Some(notice) = notice {
-        let at = if tools.is_some() { Rect { y: 0, ..area } } else { area };
-        draw_notice(frame, at, &screen.theme, notice);
-    }
     match tools {
-        Some(editor) => editing(screen, editor, area.width).draw(frame, area, layout),
-        None if notice.is_none() => {
-            keys(screen, scene, Mode::Watching, area.width, layout.lacks_panel)
-                .draw(frame, area, layout);
-        }
-        None => {}
+        Some(editor) => editing(screen, editor, area.width),
+        None => keys(&[(screen, scene)], Mode::Watching, area.width, layout.lacks_panel),
+    }
+    .draw(frame, area, layout);
+    if let Some(notice) = screen.log.notice() {
+        // The line above the keys says what a cell or a colour is.
+        let foot = Rect { y: area.y.saturating_sub(1), ..area };
+        draw_notice(frame, foot, &screen.theme, notice);
     }
 }
 
-/// Draws a notice, wrapped: upwards from the row `at`, but downwards from the first one.
-pub fn draw_notice(frame: &mut Frame, at: Rect, theme: &Theme, notice: Notice) {
+/// Draws a notice, wrapped, in the rows above those from `foot` on, which stay in view.
+pub fn draw_notice(frame: &mut Frame, foot: Rect, theme: &Theme, notice: Notice) {
     let style = match notice {
         Notice { is_error: true, .. } => theme.failure(),
         _ => BOLD,
     };
-    let columns = usize::from(at.width).saturating_sub(2).max(8);
-    let room = if at.y == 0 { frame.area().height } else { at.y + 1 };
-    let most = MAX_NOTICE_ROWS.min(usize::from(room));
+    let columns = usize::from(foot.width).saturating_sub(2).max(8);
+    let most = MAX_NOTICE_ROWS.min(usize::from(foot.y));
     let rows = first_lines(wrapped(notice.text, columns), most, columns);
     let height = rows.len() as u16;
-    let y = if at.y == 0 { 0 } else { (at.y + 1).saturating_sub(height) };
-    let area = Rect { y, height, ..at };
+    let area = Rect { y: foot.y - height, height, ..foot };
     let lines: Vec<Line> =
         rows.into_iter().map(|row| Line::styled(format!(" {row}"), style)).collect();
     frame.render_widget(Clear, area);
     frame.render_widget(Paragraph::new(lines), area);
 }
 
-/// Returns the actions of `mode` that have a short name, do something and fit: where room is short,
-/// those in the middle are left out, but not the panes if they are hidden.
+/// Returns the actions of `mode` that have a short name, do something in one of the runs and fit: where
+/// room is short, those in the middle are left out, but not the panes if they are hidden.
 pub fn keys(
-    screen: &Screen,
-    scene: &Scene,
+    runs: &[(&Screen, &Scene)],
     mode: Mode,
     width: u16,
     lacks_panel: bool,
 ) -> ClickableLine {
+    let Some((screen, scene)) = runs.first() else { return ClickableLine::default() };
     let mut keys: Vec<(Action, &str)> = Vec::new();
     let own = scene.mode(screen);
     let is_shown = |b: &&Binding| match own {
         Mode::Elsewhere => (b.is_active(mode) || b.is_active(own)) && !b.changes_run(),
         _ => b.is_active(mode),
     };
-    let does = |b: &&Binding| !b.short.is_empty() && legend::offers(&**scene, screen, b.action);
+    let does = |b: &&Binding| {
+        let offers = |run: &(&Screen, &Scene)| legend::offers(&**run.1, run.0, b.action);
+        !b.short.is_empty() && runs.iter().any(offers)
+    };
     for binding in bindings().filter(does).filter(is_shown) {
         let label = match binding.action {
             Action::TogglePause if !screen.snapshot.phase.is_training() => "resume",
@@ -279,10 +276,10 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         }
         bar
     };
-    let [apply, undo] = [(Action::Apply, "draw"), (Action::Undo, "undo")];
-    let [save, done] = [(Action::SaveMap, "save map"), (Action::ToggleEdit, "done")];
+    let [undo, save] = [(Action::Undo, "undo"), (Action::SaveMap, "save map")];
+    let done = (Action::ToggleEdit, "done");
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
-    let keys = [&[apply, undo, save, done][..], &[undo, save, done], &[undo, done], &[done]];
+    let keys = [&[undo, save, done][..], &[undo, done], &[done]];
     let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
     // The trailing blank may be cut off.
     let fits = |bar: &ClickableLine| bar.width() <= usize::from(width) + 1;

@@ -149,6 +149,18 @@ impl List {
         self.marks.clear();
     }
 
+    /// The name of a run's file, with its folder if another folder has one of that name.
+    pub fn file_of(&self, run: &SavedRun) -> String {
+        let file = |run: &SavedRun| run.source.file_name().map(ToOwned::to_owned);
+        let has_namesake = |other: &Arc<SavedRun>| {
+            other.source.parent() != run.source.parent() && file(other) == file(run)
+        };
+        let folder = run.source.parent().and_then(Path::file_name);
+        let folder = folder.filter(|_| self.all.iter().any(has_namesake));
+        let folder = folder.map_or(String::new(), |folder| format!("{}/", folder.display()));
+        sanitized(&folder) + &name(&run.source)
+    }
+
     /// The number of a run's letter, if it is marked.
     pub fn mark(&self, run: &SavedRun) -> Option<usize> {
         self.marks.iter().find(|(_, marked)| is_same(marked, run)).map(|(letter, _)| *letter)
@@ -169,8 +181,17 @@ impl List {
         self.arrange();
     }
 
-    pub fn to_resume(&self) -> Result<Wish, String> {
-        wish(self.selected().ok_or("no run is selected")?, None)
+    /// The two marked runs, if there are two.
+    pub fn pair(&self) -> Option<[&Arc<SavedRun>; 2]> {
+        self.marks.values().collect::<Vec<_>>().try_into().ok()
+    }
+
+    /// Returns the wish to see the two marked runs side by side, or else the selected one.
+    pub fn to_open(&self) -> Result<Wish, String> {
+        match self.pair() {
+            Some([a, b]) => wish(a, Some(b)),
+            None => wish(self.selected().ok_or("no run is selected")?, None),
+        }
     }
 
     /// Selects a file's run that grows; returns the wish to watch it, or what is awaited until it is saved.
@@ -179,18 +200,6 @@ impl List {
         let run = growing.next_back()?.clone();
         self.selected = Some(run.clone());
         Some(wish(&run, None).map_err(|_| awaited(&run)))
-    }
-
-    /// Returns the wish to see the two marked runs, or the marked and the selected one, side by side.
-    pub fn to_compare(&self) -> Result<Wish, String> {
-        let mut runs: Vec<&Arc<SavedRun>> = self.marks.values().collect();
-        if runs.len() == 1 {
-            runs.extend(self.selected().filter(|run| self.mark(run).is_none()));
-        }
-        match runs[..] {
-            [a, b] => wish(a, Some(b)),
-            _ => Err("mark two runs to compare them".to_owned()),
-        }
     }
 
     /// Returns the question whether to delete all files of the marked runs, or else of the selected

@@ -11,6 +11,7 @@
 //! +----------------------------------------------+
 //! ```
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use ratatui::Frame;
@@ -191,7 +192,10 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Cl
     let shown = list.shown().enumerate().skip(first).take(room).map(|(i, run)| {
         let letter = list.mark(run);
         let sign = letter.map_or(String::new(), |_| format!(" {}", sign(letter)));
-        let cells = columns.iter().map(|of| cell((COLUMNS[of.0].cell)(run), *of));
+        let cells = columns.iter().map(|of| match of.0 + 1 {
+            column if column == COLUMNS.len() => cell(list.file_of(run), *of),
+            _ => cell((COLUMNS[of.0].cell)(run), *of),
+        });
         let cells = cells.filter(|_| !run.is_damaged());
         let row: Row =
             [Line::styled(sign, style(letter, theme))].into_iter().chain(cells).collect();
@@ -230,7 +234,7 @@ fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
     };
     for name in LEFT_OUT {
         if left(&columns) < MIN_FILE {
-            columns.retain(|(kept, _)| COLUMNS[*kept].name != name);
+            columns.retain(|(kept, _)| COLUMNS[*kept].name != name || *kept == list.order.0);
         }
     }
     columns.push((COLUMNS.len() - 1, left(&columns)));
@@ -241,10 +245,10 @@ fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
 fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[DrawnRun]) -> Rect {
     let (RunsScreen { theme, .. }, (measure, axis)) = (screen, screen.curves);
     let curve = |(letter, run): &DrawnRun| {
-        let stem = sanitized(&run.source.file_stem().unwrap_or_default().to_string_lossy());
+        let stem = PathBuf::from(screen.list.file_of(run)).with_extension("");
         let points = run.evaluations.iter();
         PaneCurve {
-            name: format!("{} {stem}", sign(*letter)),
+            name: format!("{} {}", sign(*letter), stem.display()),
             style: style(*letter, theme),
             marker: letter.map_or(Marker::Braille, |letter| curves::marker(theme, letter)),
             points: points
@@ -355,11 +359,13 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme
 
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
     if let Some((question, _)) = &screen.deletion {
-        let notice = Notice { text: question, is_error: true };
-        return bars::draw_notice(frame, area, &screen.theme, notice);
+        // No key of the line does anything until it is answered.
+        let (foot, notice) =
+            (Rect { y: area.bottom(), ..area }, Notice { text: question, is_error: true });
+        return bars::draw_notice(frame, foot, &screen.theme, notice);
     }
     if let Some(notice) = screen.log.notice() {
-        return bars::draw_notice(frame, area, &screen.theme, notice);
+        bars::draw_notice(frame, area, &screen.theme, notice);
     }
     if let Some((_, text)) = &screen.awaited {
         let text = Line::styled(format!(" {text}"), BOLD);
@@ -372,7 +378,8 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
     let is_watched = screen.list.selected().is_some_and(|run| is_growing(run));
     let is_shown = |b: &&Binding| !b.short.is_empty() && b.is_active(Mode::Listing);
     let keys = bindings().filter(is_shown).map(|b| match b.action {
-        Action::List(ListAction::Resume) if is_watched => (b.action, "watch"),
+        Action::List(ListAction::Open) if screen.list.pair().is_some() => (b.action, "compare"),
+        Action::List(ListAction::Open) if is_watched => (b.action, "watch"),
         action => (action, b.short),
     });
     bars::fitting(keys.collect(), &screen.keymap, area.width, false).draw(frame, area, layout);

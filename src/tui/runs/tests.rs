@@ -164,12 +164,15 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
     assert!(shown_by(&mut screen, 200, 40).contains("Enter watch"));
     screen.show_runs(&[own("c", "own"), own("b", "own"), own("a", "own")]);
-    type_text(&mut screen, " jjc");
+    type_text(&mut screen, " jj ");
+    press(&mut screen, KeyCode::Enter);
     let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None, watches: None };
     assert_eq!(screen.wish.take(), Some(wish));
     std::fs::remove_file(path("c")).expect("a file");
+    // Two that are marked go before the selected one.
     press(&mut screen, KeyCode::Enter);
     assert!(screen.wish.is_none() && shown_by(&mut screen, 200, 40).contains("is gone"));
+    press(&mut screen, KeyCode::Esc);
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Enter);
     let wish = Wish { file: path("a"), beside: None, warning: None, watches: None };
@@ -181,7 +184,8 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     assert_eq!((wish.watches, wish.warning), (Some(path("a")), None));
     screen
         .list(&FoundRuns { runs: [found(&[own("b", "own")]), vec![grows]].concat(), read: [1, 1] });
-    type_text(&mut screen, "jc");
+    type_text(&mut screen, " j ");
+    press(&mut screen, KeyCode::Enter);
     let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
 }

@@ -111,8 +111,9 @@ impl Painter<'_> {
         }
     }
 
-    /// Draws the latest search for a bridge: the places tried, and the way over the one found.
-    pub fn search(&mut self) {
+    /// Draws the latest search for a bridge: the places tried, and the way over the one found, which
+    /// `way` leads around walls.
+    pub fn search(&mut self, way: impl Fn(&[[f32; 2]]) -> Vec<[f32; 2]>) {
         let Some(search) = self.screen.search().filter(|_| self.shows(Overlay::Search)) else {
             return;
         };
@@ -128,7 +129,7 @@ impl Painter<'_> {
         let [from, to] = [(self.state)(&search.state), (self.place)(&search.goal)];
         let bridge = search.found.as_ref().and_then(|found| (self.place)(&found.point));
         if let (Some(from), Some(bridge), Some(to)) = (from, bridge, to) {
-            self.canvas.route(&[from, bridge, to], 0.09, Ink::new(accepted, 0.8, '='));
+            self.canvas.route(&way(&[from, bridge, to]), 0.09, Ink::new(accepted, 0.8, '='));
             self.canvas.letter(bridge, 'B', accepted, 0.36);
         }
         for (at, letter) in [(from, 'a'), (to, 'g')] {

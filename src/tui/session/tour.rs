@@ -1,4 +1,4 @@
-//! The guided tour: a minute and a half on the four rooms, with captions beside what they explain.
+//! The guided tour: a minute and a half on the four rooms, with captions beside the map.
 //!
 //! `STEPS` is the table of steps: a step ends a while after what it explains has been seen, or at its
 //! time limit. Whatever the tour does, it does by the same commands as the user.
@@ -251,7 +251,7 @@ const SEARCHES_PER_SECOND: f32 = 3.0;
 /// How many times as far it must be round a closed door.
 const LONGER: f32 = 2.5;
 
-/// Cells between points of a line that captions do not cover.
+/// Cells between the points by which it is found which door a way leads through.
 const SPACING: f32 = 2.0;
 
 pub struct TourStep {
@@ -303,6 +303,7 @@ fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
 }
 
 fn wandering(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
+    scene.maze()?;
     let text = if screen.theme.depth == ColourDepth::Mono {
         "The o are agents that wander about. Nobody rewards them. Shades show what they learn: D, the number of steps to G. \
          The denser, the farther."
@@ -310,8 +311,7 @@ fn wandering(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption>
         "The white dots are agents that wander about. Nobody rewards them. Colours show what they learn: D, the number of \
          steps to G. Light is near, dark is far."
     };
-    let subject = vec![scene.maze()?.goal.centre()];
-    Some(Caption { text: text.to_owned(), subject, marks: Vec::new(), seen: true })
+    Some(Caption { text: text.to_owned(), marks: Vec::new(), seen: true })
 }
 
 fn bending(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
@@ -326,8 +326,7 @@ fn bending(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
         "From P, G would be {straight:.0} steps away, were there no wall. Learned so far: D = {learned:.0}. {then} Lines \
          connect places with the same D."
     );
-    let subject = [vec![behind, goal], points_along(&[behind, goal])].concat();
-    Some(Caption { text, subject, marks: vec![(behind, 'P')], seen })
+    Some(Caption { text, marks: vec![(behind, 'P')], seen })
 }
 
 /// Looks for a bridge, and puts start and goal at its ends.
@@ -360,15 +359,14 @@ fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
         find_bridge(tour, cx);
     }
     let maze = cx.scene.maze()?;
-    let (goal, walk) = (maze.goal.centre(), &maze.view.reach);
-    let Some(TourBridge { stops: [start, bridge, _], distances: [first, second, direct] }) =
-        tour.bridge
+    let walk = &maze.view.reach;
+    let Some(TourBridge { stops: [start, ..], distances: [first, second, direct] }) = tour.bridge
     else {
         let text = format!(
             "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G). Looked {} times so far.",
             tour.searches
         );
-        return Some(Caption { text, subject: vec![goal], ..Caption::default() });
+        return Some(Caption { text, ..Caption::default() });
     };
     // What is seen may still be the walk before.
     let is_own = walk.start == start && maze.view.goal.1 == cx.screen.goal_request;
@@ -381,8 +379,7 @@ fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
          G and {state} {steps} steps{so}. The map shows D(S,.) + D(.,G), least at good bridges.",
         first + second
     );
-    // Wherever the three are, there is room for the box beside them; a whole line may leave none.
-    Some(Caption { text, subject: vec![bridge, start, goal], marks: Vec::new(), seen: true })
+    Some(Caption { text, marks: Vec::new(), seen: true })
 }
 
 fn aim_far(tour: &mut Tour, cx: &mut Cx) {
@@ -396,15 +393,14 @@ fn plan(tour: &mut Tour, Cx { scene, .. }: &mut Cx) -> Option<Caption> {
     let maze = scene.maze()?;
     let path = points_along(&maze.way());
     if path.len() > tour.route.len() {
-        tour.route.clone_from(&path);
+        tour.route = path;
     }
     let text =
         "G is now in the far room. The line to it is the plan: from bridge to bridge, each near \
                 enough to be reached reliably. @ walks it."
             .to_owned();
     let seen = maze.view.reach.arrived && tour.elapsed > 1.0;
-    let subject = [vec![maze.goal.centre()], path].concat();
-    Some(Caption { text, subject, marks: Vec::new(), seen })
+    Some(Caption { text, marks: Vec::new(), seen })
 }
 
 fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
@@ -427,14 +423,6 @@ fn close_door(tour: &mut Tour, cx: &mut Cx) {
     tour.send_walker(cx);
 }
 
-/// Returns the door that was closed, the place before it, and the path of the agent.
-fn around_door(maze: &MazeState, tour: &Tour) -> Vec<[f32; 2]> {
-    let (place, _) = tour.watched;
-    let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
-    let door = cells_between(door).into_iter().map(Cell::centre);
-    [vec![place], door.collect(), points_along(&maze.way())].concat()
-}
-
 fn closed(tour: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
     let maze = scene.maze()?;
     let (place, before) = tour.watched;
@@ -448,8 +436,7 @@ fn closed(tour: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption>
         "A wall now closes this door: you can draw one with {}. The plan changes at once. {followed}",
         screen.keymap.key_of(Action::ToggleEdit)
     );
-    let subject = around_door(maze, tour);
-    Some(Caption { text, subject, marks: vec![(place, 'P')], seen: now >= LONGER * before })
+    Some(Caption { text, marks: vec![(place, 'P')], seen: now >= LONGER * before })
 }
 
 fn open_door(tour: &mut Tour, cx: &mut Cx) {
@@ -458,7 +445,7 @@ fn open_door(tour: &mut Tour, cx: &mut Cx) {
 }
 
 fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
-    let maze = scene.maze()?;
+    scene.maze()?;
     let key = |action| screen.keymap.key_of(action);
     let text = format!(
         "The door is open again. Click anywhere: @ walks there. {} adds the actor alone, {} draws walls, {} helps. \
@@ -467,7 +454,5 @@ fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
         key(Action::ToggleEdit),
         key(Action::Help)
     );
-    let walker = maze.walker().unwrap_or(maze.goal.centre());
-    let subject = vec![maze.goal.centre(), walker];
-    Some(Caption { text, subject, marks: Vec::new(), seen: true })
+    Some(Caption { text, marks: Vec::new(), seen: true })
 }

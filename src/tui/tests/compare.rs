@@ -312,7 +312,8 @@ fn the_editor_draws_by_keyboard_on_both() {
     let mut comparison = stopped_comparison();
     draw(&mut comparison, 80, 24);
     let goal = comparison.apps()[0].maze().goal;
-    type_text(&mut comparison, "e3x");
+    type_text(&mut comparison, "e3");
+    press(&mut comparison, KeyCode::Enter);
     (0..2).for_each(|_| press(&mut comparison, KeyCode::Left));
     let previews = comparison.apps().map(|app| {
         app.maze().editor.preview().map(|(cells, _)| cells.into_owned()).expect("a line")
@@ -329,7 +330,8 @@ fn the_editor_draws_by_keyboard_on_both() {
     press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('u'));
     assert!(maps(&mut comparison).iter().all(|map| map.is_free(goal)), "also with a closed editor");
-    type_text(&mut comparison, "e1x");
+    type_text(&mut comparison, "e1");
+    press(&mut comparison, KeyCode::Enter);
     press(&mut comparison, KeyCode::Esc);
     press(&mut comparison, KeyCode::Char('q'));
     assert!(!comparison.is_done());

@@ -141,7 +141,7 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     assert_eq!(app.maze().editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
     let wall = app.maze().map.is_free(Cell::new(10, 4));
-    press(&mut app, KeyCode::Char('x'));
+    press(&mut app, KeyCode::Enter);
     wait_until(&mut app, |app| app.drawn_map().is_free(Cell::new(10, 4)) != wall);
     press(&mut app, KeyCode::Esc);
     assert!(!app.maze().editor.is_open());

@@ -151,6 +151,24 @@ fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
 }
 
 #[test]
+fn captions_cover_nothing_of_the_map() {
+    let mut app = touring_still();
+    learn(&mut app, squared);
+    for (step, of) in STEPS.iter().enumerate() {
+        for (width, height) in [(60, 20), (80, 24), (120, 40)] {
+            let terminal = draw(&mut app, width, height);
+            let (buffer, map) = (terminal.backend().buffer(), app.screen.layout.map_pane);
+            let rows = |area: Rect| -> String {
+                area.positions().map(|at| buffer[at].symbol()).collect::<String>()
+            };
+            let title = format!("{}/{} {}", step + 1, STEPS.len(), of.title);
+            assert!(rows(buffer.area).contains(&title) && !rows(map).contains(&title), "{title}");
+        }
+        press(&mut app, KeyCode::Enter);
+    }
+}
+
+#[test]
 fn clicks_and_keys_move_on_and_esc_ends() {
     for ending_step in [2, 4] {
         let mut app = touring_still();

@@ -20,7 +20,7 @@ use crate::tui::theme::{Theme, ThemeName, blend, ink};
 use crate::tui::viewport::{MapFrame, Viewport};
 use gdg::draw::{Raster, RasterPixel, positions_along};
 use gdg::map::{Cell, Grid};
-use gdg::viewer::{Exploration, Field, Knowledge, cell_of_goal};
+use gdg::viewer::{Exploration, Field, Knowledge, cell_of_goal, way_along};
 
 /// Share of the wall colour in a pixel that a wall crosses: as characters, and in pictures at least.
 const CROSSED_WALL_SHARE: f32 = 0.65;
@@ -408,17 +408,13 @@ fn draw_moving(canvas: Canvas, maze: &MazeState, screen: &Screen) -> Canvas {
     if past.is_none() {
         painter.edges(&view.graph, false);
         painter.candidates(&view.graph);
-        let floored = |places: &[[f32; 2]]| -> Vec<[f32; 2]> {
-            places.iter().map(|at| on_floor(*at)).collect()
+        let drawn = |way: Vec<[f32; 2]>| -> Vec<[f32; 2]> {
+            if is_fine { way } else { samples(&way, &raster).into_iter().map(on_floor).collect() }
         };
-        let way = maze.way();
-        if is_fine {
-            let stops = painter.places(&view.reach.path);
-            painter.plan(&way, &stops[..stops.len().saturating_sub(1)]);
-        } else {
-            painter.plan(&floored(&samples(&way, &raster)), &[]);
-        }
-        painter.search();
+        let stops = painter.places(&view.reach.path);
+        let stops = &stops[..if is_fine { stops.len().saturating_sub(1) } else { 0 }];
+        painter.plan(&drawn(maze.way()), stops);
+        painter.search(|stops| drawn(way_along(map, stops)));
         draw_preview(&mut painter, maze);
         painter.own_trail(&painter.places(&view.reach.trail), LONGEST_STEP);
     }
@@ -464,9 +460,9 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
         painter.letter((painter.place)(&maze.view.reach.start), 'S', theme.walker, 0.36);
     }
     painter.canvas.letter(shown_cell(maze).centre(), 'G', theme.goal, 0.45);
-    if let Some(ghost) = maze.view.reach.ghost.as_ref().filter(|_| painter.shows(Overlay::Ghost))
-        && !is_past
-    {
+    // Without plans, @ is the actor alone.
+    let shows = painter.shows(Overlay::Ghost) && screen.run().method.plans();
+    if let Some(ghost) = maze.view.reach.ghost.as_ref().filter(|_| shows && !is_past) {
         painter.letter((painter.place)(&ghost.at), 'a', theme.ghost(), 0.42);
     }
     if !is_past {

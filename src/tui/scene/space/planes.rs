@@ -102,7 +102,7 @@ fn draw_projection(
     if past.is_none() {
         painter.edges(&view.graph, true);
         painter.candidates(&view.graph);
-        painter.search();
+        painter.search(<[_]>::to_vec);
     }
     painter.explorers(past, f32::INFINITY, 0.0);
     let reach = &view.reach;
