@@ -73,6 +73,23 @@ fn runs_of_every_kind_are_lines_of_json() {
 }
 
 #[test]
+fn a_run_that_could_not_be_saved_in_its_folder_is_found_from_any() {
+    let folder = tempfile::tempdir().unwrap();
+    let saved = "gdg-tui/recovered/own.safetensors";
+    trained(folder.path(), &format!("trap --save {saved}")).success();
+    let other = folder.path().join("other");
+    std::fs::create_dir(&other).unwrap();
+    let run = |args: &[&str]| ran(program_in(folder.path()).current_dir(&other).args(args));
+    has_parts(&run(&["runs"]).out, &["trap", saved]);
+    assert_eq!(run(&["runs", ".."]).out.matches(saved).count(), 1);
+    assert!(!run(&["runs", "../other"]).out.contains(saved));
+    has_parts(
+        &run(&["--no-ui", "--resume"]).refusal(),
+        &["one was saved elsewhere: gdg-tui --resume", saved],
+    );
+}
+
+#[test]
 fn a_checkpoint_belongs_to_records_of_the_same_data_and_tasks() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);

@@ -10,7 +10,7 @@ use crate::experiment::suite;
 use crate::process::errors::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::setup::find_maps::{self, THRESHOLD, find_map, known_name};
 use crate::setup::outputs::{refuse_existing, refuse_input, refuse_other_kind, save_to};
-use crate::setup::saves::{self, SAVES};
+use crate::setup::saves::{self, SAVES, recovered, resume_command};
 use crate::setup::values::EditAt;
 use crate::setup::{self, Setup, settings};
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
@@ -228,8 +228,16 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
     let title = name.map(|name| title_of(&name, registry)).transpose()?;
     let newest = saves::newest(Path::new(SAVES), title.as_deref());
     newest.map(|found| Some(found.file)).ok_or_else(|| {
-        let of = title.map_or(String::new(), |title| format!(" of {title}"));
-        let help = "gdg-tui runs FOLDER lists a folder's checkpoints; give one with --resume FILE";
+        let of = title.as_ref().map_or(String::new(), |title| format!(" of {title}"));
+        let saved = recovered().and_then(|folder| saves::newest(&folder, title.as_deref()));
+        let help = match saved {
+            Some(found) => format!(
+                "one was saved elsewhere: {}",
+                resume_command(&found.file, &GymOptions::default())
+            ),
+            None => "gdg-tui runs FOLDER lists a folder's checkpoints; give one with --resume FILE"
+                .to_owned(),
+        };
         miette!(help = help, "--resume: there is no checkpoint{of} in {SAVES}/")
     })
 }

@@ -13,7 +13,7 @@ use super::{CommandOutcome, bad_input, failure, prepare, print};
 use crate::cli::{Cli, OpenArgs, RunsArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
-use crate::setup::saves::is_named_like_one;
+use crate::setup::saves::{is_named_like_one, recovered};
 use crate::tui::{
     self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
@@ -34,16 +34,20 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
         };
         std::fs::read_dir(folder).map_err(unreadable).map_err(bad_input)?;
     }
+    // Without folders, also what could not be saved in its own.
+    let usual = args.folders == [PathBuf::from(".")];
+    let elsewhere = recovered().filter(|folder| usual && folder.is_dir());
+    let folders: Vec<PathBuf> = args.folders.iter().cloned().chain(elsewhere).collect();
     if args.json {
         let line = |run: &Arc<SavedRun>| escape_json_line(&run.json().to_string()) + "\n";
-        return print(&read(&args.folders).iter().map(line).collect::<String>());
+        return print(&read(&folders).iter().map(line).collect::<String>());
     }
     if obstacle().is_none() {
         let opener = || opener(&args.open, registry);
-        let list = |opener, interface: &mut _| show(&args.folders, false, opener, interface);
+        let list = |opener, interface: &mut _| show(&folders, false, opener, interface);
         return on_screen(&args.open.screen, [""; 2], opener, list);
     }
-    let runs = read(&args.folders);
+    let runs = read(&folders);
     let none = "no saved runs yet: train with --save FILE, or press s in the interface\n";
     print(&if runs.is_empty() { none.to_owned() } else { table(runs) })
 }

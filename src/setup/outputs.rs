@@ -3,10 +3,9 @@
 use std::io::Read;
 use std::path::{Path, PathBuf, absolute};
 
-use directories::ProjectDirs;
 use miette::{Report, miette};
 
-use crate::setup::saves::{SAVES, is_named_like_one};
+use crate::setup::saves::{SAVES, is_named_like_one, recovered};
 use gdg::files;
 use gdg::map::image_named_in;
 use gdg::train::{self, SaveTo};
@@ -113,12 +112,11 @@ pub fn prepare_file<'a>(
 }
 
 /// Returns where a file that cannot be saved to `path` goes instead: beside it, as the file itself may
-/// be what cannot be replaced, in `saves/`, or in the user's state folder.
+/// be what cannot be replaced, in `saves/`, in the user's state folder, or in that for temporary files.
 pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
-    let dirs = ProjectDirs::from("", "", "gdg-tui");
-    let state = dirs.map(|own| own.state_dir().unwrap_or(own.data_local_dir()).join("recovered"));
     let name = path.file_name().unwrap_or_default();
-    let folders = [Some(PathBuf::from(SAVES)), state].into_iter().flatten();
+    let folders =
+        [Some(SAVES.into()), recovered(), Some(std::env::temp_dir())].into_iter().flatten();
     let others = folders.map(|folder| folder.join(name));
     std::iter::once(files::numbered(path, 2)).chain(others).collect()
 }

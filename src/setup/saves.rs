@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use directories::ProjectDirs;
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 
@@ -14,6 +15,12 @@ use gdg::train::{RunDescription, describe};
 /// Default folders for checkpoints and for exports.
 pub const SAVES: &str = "saves";
 pub const EXPORTS: &str = "exports";
+
+/// Returns the folder for what cannot be saved where it should be, in the user's state folder.
+pub fn recovered() -> Option<PathBuf> {
+    let own = ProjectDirs::from("", "", "gdg-tui")?;
+    Some(own.state_dir().unwrap_or(own.data_local_dir()).join("recovered"))
+}
 
 /// Extensions of checkpoints, and of exported policies, which are not checkpoints.
 const EXTENSION: &str = ".safetensors";
