@@ -63,6 +63,8 @@ class Unsupported(Exception):
 
 def begin():
     """Leaves the terminal, and keeps the channel from processes that environments fork."""
+    # They are for lists of processes; packages may read the command line.
+    del sys.argv[1:]
     os.setsid()
     threading.Thread(target=watch, daemon=True).start()
     # At the very end, what environments have started and not ended.
