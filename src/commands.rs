@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 use clap::CommandFactory;
 use log::LevelFilter;
-use miette::Report;
+use miette::{IntoDiagnostic, Report};
 
 use crate::cli::{Cli, Command, completions};
 use crate::experiment::{figures, plot, suite};
@@ -47,33 +47,33 @@ pub fn run(cli: Cli, registry: &Arc<Registry>) -> CommandOutcome {
         Some(Command::Maps(args)) => maps::run(&args, registry),
         Some(Command::Runs(args)) => runs::run(&args, registry),
         Some(Command::Watch(args)) => runs::watch(&args, registry),
-        Some(Command::Settings { names }) if names.is_empty() => {
-            let size = crossterm::terminal::size().ok().filter(|_| stdout().is_terminal());
-            print(&size.map_or_else(reference_page, |(columns, _)| settings(columns.into())))
-        }
         Some(Command::Settings { names }) => {
-            text(names.iter().map(|name| setting_page(name).map_err(from_config_error)).collect())
+            let pages = names.iter().map(|name| setting_page(name).map_err(from_config_error));
+            let size = crossterm::terminal::size().ok().filter(|_| stdout().is_terminal());
+            text(pages.collect::<Result<String, _>>().map(|pages| match size {
+                None if names.is_empty() => reference_page(),
+                None => pages,
+                Some((columns, _)) if names.is_empty() => settings(columns.into()),
+                Some((columns, _)) => textwrap::fill(&pages, usize::from(columns)),
+            }))
         }
         Some(Command::Tour(args)) => train::tour(&args, registry),
         Some(Command::Compare(args)) => train::compare(&args, registry),
         Some(Command::Suite(options)) => {
             logging::start(LevelFilter::Info);
             let registry = &prepare::registry_of_suite(&options, registry).map_err(bad_input)?;
-            let suite = suite::prepare(&options, registry).map_err(bad_input)?;
-            suite.run().map_err(failure)
+            suite::prepare(&options, registry).map_err(bad_input)?.run().map_err(failure)
         }
         Some(Command::Reproduce(options)) => {
             logging::start(LevelFilter::Info);
-            let figures = figures::prepare(&options, registry).map_err(bad_input)?;
-            figures.run().map_err(failure)
+            figures::prepare(&options, registry).map_err(bad_input)?.run().map_err(failure)
         }
         Some(Command::Plot(options)) => text(plot::run(&options)),
         Some(Command::Completions { shell }) => print(&completions(shell)),
         Some(Command::Man) => {
             let mut page = Vec::new();
             let command = Cli::command().mut_subcommands(|each| each.hide(false));
-            let made = clap_mangen::Man::new(command).render(&mut page);
-            made.map_err(|error| failure(Report::msg(error)))?;
+            clap_mangen::Man::new(command).render(&mut page).into_diagnostic().map_err(failure)?;
             print(&String::from_utf8_lossy(&page))
         }
         Some(Command::Check(args)) => check::run(&args, registry),

@@ -46,7 +46,7 @@ const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
 static LOST: AtomicBool = AtomicBool::new(false);
 
 /// Evaluation tasks at each distance unless another number is given.
-const EVAL_TASKS: u32 = 20;
+pub const EVAL_TASKS: u32 = 30;
 
 /// Options of a run without the interface, besides what to train.
 #[derive(Clone, Debug, Args)]
@@ -60,7 +60,7 @@ pub struct HeadlessOptions {
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
     pub eval_every_updates: Option<u64>,
 
-    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 20, or as last evaluated]
+    /// Evaluation tasks at each of six distances (five in fetch-reach) [default: 30, or as last evaluated]
     #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: Option<u32>,
 

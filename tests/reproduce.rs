@@ -117,7 +117,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     }
     // Four distances, for each of three methods.
     for method in ["default", "gdg-bridge", "gdg"] {
-        let measured = &place.result("out", &format!("city-{method}-1-"))["measured"];
+        let measured = &place.result("out", &format!("city-{method}-seed1-"))["measured"];
         for drawn in ["anywhere", "as_in_training"] {
             let success = measured["random"][drawn].as_f64().unwrap();
             assert!([0.0, 0.5, 1.0].contains(&success), "of two tasks: {success}");
@@ -135,7 +135,7 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
             );
         }
     }
-    let bridge = &place.result("out", "fourrooms-default-1-")["measured"]["bridge"];
+    let bridge = &place.result("out", "fourrooms-default-seed1-")["measured"]["bridge"];
     let walls =
         bridge["from_start"].as_array().unwrap().iter().filter(|value| value.is_null()).count();
     assert_eq!((bridge["to_goal"].as_array().unwrap().len(), walls), (88 * 88, 88 * 88 - 6656));
@@ -164,7 +164,7 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
     assert_eq!((list(&["fig4"]), list(&["fig3", "fig4", "fig5"])), (city.clone(), city));
     let (plain, changed) = (list(&["fig6"]), list(&["fig6", "--set", "gdg:expectile=0.7"]));
     let new: Vec<&String> = changed.iter().filter(|name| !plain.contains(name)).collect();
-    assert!(new.len() == 1 && new[0].starts_with("dead-end-gdg-1-"), "{new:?}");
+    assert!(new.len() == 1 && new[0].starts_with("dead-end-gdg-seed1-"), "{new:?}");
 
     let run =
         |more: &[&str]| place.run(&[&["fig6", "--updates", "20", "--out", "out"], more].concat());
@@ -183,7 +183,10 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
     let before = std::fs::read(&table).unwrap();
     let rerun = run(&["--set", "gdg:expectile=0.7"]);
     let jobs = format!("{} jobs done, 1 to run", plain.len() - 1);
-    has_parts(&rerun.err, &[&jobs, "dead-end-gdg-1-", "fig6.svg: the file already exists, edited"]);
+    has_parts(
+        &rerun.err,
+        &[&jobs, "dead-end-gdg-seed1-", "fig6.svg: the file already exists, edited"],
+    );
     assert_eq!(std::fs::read_to_string(drawing).unwrap(), edited);
     assert_eq!(std::fs::read(table).unwrap(), before);
     assert_eq!(rerun.err.matches(": begins").count(), 1, "{}", rerun.err);
@@ -201,7 +204,7 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
     let whole = place.run(&args("whole"));
     whole.success();
     for method in ["gdg-distance", "ddpg-distance", "gdg", "her"] {
-        let result = place.result("whole", &format!("fetch-reach-{method}-1-"));
+        let result = place.result("whole", &format!("fetch-reach-{method}-seed1-"));
         let settings = result["settings"].as_array().unwrap();
         let has = |setting: &str| settings.contains(&setting.into());
         // The world's own, and what is given instead.
@@ -237,7 +240,7 @@ fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() 
     assert_same(&place.outcome("parts"), &place.outcome("whole"));
 
     let changed = place.run(&[&args("whole")[..], &["--set", "her:tau=0.01"]].concat());
-    has_parts(&changed.err, &["3 jobs done, 1 to run", "fetch-reach-her-1-"]);
+    has_parts(&changed.err, &["3 jobs done, 1 to run", "fetch-reach-her-seed1-"]);
 }
 
 #[cfg(unix)]
@@ -284,7 +287,7 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
     assert_eq!(partly.status, Some(1));
     has_parts(&partly.err, &[&format!("{} jobs missing", jobs - 1)]);
     let report = std::fs::read_to_string(place.path("a folder/report.md")).unwrap();
-    has_parts(&report, &["**Not complete**", "`dead-end-gdg-1-"]);
+    has_parts(&report, &["**Not complete**", "`dead-end-gdg-seed1-"]);
     let start = |number: usize| {
         let number = number.to_string();
         let mut command = place.command(&[&args("a folder")[..], &["--job", &number]].concat());

@@ -123,7 +123,7 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
         &[
             &first.out,
             "hidden=16",
-            "](pictures/trap-gdg-bridge-2-",
+            "](pictures/trap-gdg-bridge-seed2-",
             "![Learning curves](success.svg)",
             "at the map's `S`",
         ],
@@ -177,7 +177,12 @@ fn several_methods_and_variants_share_a_folder_and_a_report() {
     let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
     has_parts(
         &report,
-        &[&second.out, "\n### her\n", "](pictures/open-ddpg-small-1-", "](pictures/open-her-1-"],
+        &[
+            &second.out,
+            "\n### her\n",
+            "](pictures/open-ddpg-small-seed1-",
+            "](pictures/open-her-seed1-",
+        ],
     );
     let table = std::fs::read_to_string(place.path("out/success.csv")).unwrap();
     has_parts(&table, &[",her,", ",ddpg,"]);
@@ -204,7 +209,7 @@ fn sweeps_ablations_and_other_worlds_are_lists_of_jobs() {
     let sweep = ["trap", "--sweep", "hidden=16,32,16", "--sweep", "tau=0.01,0.02"];
     let listed = list(&sweep);
     assert_eq!(listed.len(), 4, "no job twice, none without");
-    assert!(listed[1].starts_with("trap-gdg-bridge-hidden_16-tau_0.02-1-"), "{listed:?}");
+    assert!(listed[1].starts_with("trap-gdg-bridge-hidden_16-tau_0.02-seed1-"), "{listed:?}");
     assert_eq!(list(&["trap", "--ablation", "ladder"]).len(), 16);
     let components = list(&["trap", "--ablation", "components"]);
     for variant in ["gdg-bridge default", "gdg-bridge no distillation", "sorb method sorb"] {
@@ -297,7 +302,8 @@ fn jobs_are_listed_and_run_by_name() {
     assert!(!place.path("out").exists(), "nothing runs");
     let (open, parts) = (lines[0][0], lines[1][0]);
     assert!(
-        open.starts_with("open-gdg-bridge-1-") && parts.starts_with("two-parts-gdg-bridge-1-"),
+        open.starts_with("open-gdg-bridge-seed1-")
+            && parts.starts_with("two-parts-gdg-bridge-seed1-"),
         "{open} {parts}"
     );
 
@@ -358,7 +364,7 @@ fn damaged_results_are_named_and_made_again() {
     assert_eq!(blocked.status, Some(1), "{}", blocked.err);
     has_parts(
         &blocked.err,
-        &["open-gdg-bridge-1-", ".json: the result cannot be saved", "move it away"],
+        &["open-gdg-bridge-seed1-", ".json: the result cannot be saved", "move it away"],
     );
     assert!(!blocked.err.contains("begins"), "nothing is trained in vain: {}", blocked.err);
 }
@@ -369,7 +375,7 @@ fn a_job_that_fails_does_not_end_the_others() {
     let args = ["maps", "--budget", "30", "--out", "out", "--jobs", "1"];
     let ran = ran(place.command(&args).env("GDG_TUI_FAULTS", "trainer=panic@5"));
     assert_eq!((ran.status, place.results("out").len()), (Some(1), 1), "{}", ran.err);
-    has_parts(&ran.err, &["injected fault", "1 job failed: open-gdg-bridge-1-"]);
+    has_parts(&ran.err, &["injected fault", "1 job failed: open-gdg-bridge-seed1-"]);
     has_parts(&ran.out, &["| open | gdg-bridge | 30 | - | - |"]);
     let again = place.run(&args);
     has_parts(&again.err, &["1 job done, 1 to run"]);

@@ -29,7 +29,7 @@ pub struct TrainArgs {
     #[command(flatten)]
     pub run: RunChoice,
 
-    /// Random seed: same seed, same run
+    /// Random seed: same seed, same run; suite and reproduce begin with 1, as the tour does
     #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
     pub seed: u64,
 

@@ -63,7 +63,7 @@ pub struct PlotOptions {
     pub x: XAxis,
 
     /// File that ends in .svg, .png (300 pixels an inch) or .pdf (repeatable); the table of that name
-    /// ends in .csv [default: MEASURE.svg in the folder, or RUN.MEASURE.svg beside the file]
+    /// ends in .csv [default: MEASURE.svg in the folder, or RUN-MEASURE.svg beside the file]
     #[arg(long, value_name = "FILE")]
     pub out: Vec<PathBuf>,
 
@@ -321,7 +321,7 @@ fn beside(path: &Path, name: &str) -> PathBuf {
         return path.join(name).with_extension("svg");
     }
     let folder = path.parent().unwrap_or(Path::new(""));
-    named(folder, path.file_stem().unwrap_or_default(), &format!(".{name}.svg"))
+    named(folder, path.file_stem().unwrap_or_default(), &format!("-{name}.svg"))
 }
 
 pub fn csv_of(head: &[&str], rows: Vec<impl Serialize>) -> Result<Vec<u8>, Report> {

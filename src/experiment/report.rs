@@ -37,13 +37,13 @@ const fn column(
 const COLUMNS: [ReportColumn; 10] = [
     column("planned", 2, true, |r| r.last()?.planned.as_ref()?.success),
     column("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
-    column("greedy", 2, true, |r| r.last()?.greedy.success),
+    column("alone", 2, true, |r| r.last()?.greedy.success),
     column("straight", 2, false, |r| r.last()?.straight.as_ref()?.success),
     column("error of D", 2, true, |r| Some(r.last()?.distance_error?.mape)),
     column("error near", 2, false, |r| Some(r.last()?.distance_error?.near_mape)),
     column("error of graph", 2, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
     column("false edges", 0, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
-    column("coverage", 2, true, |r| r.last()?.coverage),
+    column("explored", 2, true, |r| r.last()?.coverage),
     column("updates/s", 0, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
 ];
 
@@ -220,7 +220,7 @@ pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String
     let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table(rows, true));
     out += "\nIn the pictures, colours show the learned distance D to the goal (red), light \
             near and dark far, with contour lines; from the start (orange), the plan is light red and \
-            the path walked orange.\n\nPlanned and greedy are success rates with plans and of the actor \
+            the path walked orange.\n\nPlanned and alone are success rates with plans and of the actor \
             alone, straight that of walking straight at the goal; SPL is that of plans, weighted \
             by path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, \
             of D up to 10 steps, and of the distance along the graph. False edges join places that \

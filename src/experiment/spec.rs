@@ -138,7 +138,7 @@ impl JobSpec {
         determines.sort_all_objects();
         let key = format!("{:08x}", crc32fast::hash(determines.to_string().as_bytes()));
         let [world_name, label] = [world.name(), label].map(file_stem);
-        let name = format!("{world_name}-{label}-{}-{}", run.seed, &key[..NAME_DIGITS]);
+        let name = format!("{world_name}-{label}-seed{}-{}", run.seed, &key[..NAME_DIGITS]);
         Ok(Self { name, key, variant: None, world, run, plan })
     }
 
@@ -305,7 +305,7 @@ mod tests {
             JobSpec::new(JobWorld::maze(&map, seed), "gdg", run, plan).expect("a job")
         };
         let one = job("...\n", 1, |_, _| {});
-        assert!(one.name.starts_with("a_map_1_-gdg-1-"), "{}", one.name);
+        assert!(one.name.starts_with("a_map_1_-gdg-seed1-"), "{}", one.name);
         assert_eq!(job("...\n", 1, |_, _| {}).key, one.key);
         let changed = job("...\n", 1, |run, _| run.settings.learn.hidden = 17);
         assert_eq!(changed.open_result().settings, ["hidden=17"]);

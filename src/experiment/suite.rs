@@ -65,7 +65,7 @@ pub struct SuiteOptions {
     pub seeds: u64,
 
     /// Evaluation tasks at each of six distances
-    #[arg(long, value_name = "N", default_value_t = 30, value_parser = counts::<u32>(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = crate::headless::EVAL_TASKS, value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: u32,
 
     /// Learner and planner: one of these methods, or LEARNER+PLANNER (repeatable: each trains on

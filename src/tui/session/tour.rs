@@ -449,7 +449,7 @@ fn now_you(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption> {
     let key = |action| screen.keymap.key_of(action);
     let text = format!(
         "The door is open again. Click anywhere: @ walks there. {} adds the actor alone, {} draws walls, {} helps. \
-         Training goes on. What bridges do, in nine seconds: gdg-tui compare gdg-bridge gdg trap",
+         Training goes on. What bridges do, in ten seconds: gdg-tui compare gdg-bridge gdg trap",
         key(Action::Toggle(Overlay::Ghost)),
         key(Action::ToggleEdit),
         key(Action::Help)
