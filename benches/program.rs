@@ -13,14 +13,12 @@ use clap::{Parser, ValueEnum};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use gdg::engine::{Engine, EngineCommand, Phase};
 use gdg::env::{Environment, PointMaze};
 use gdg::learn::{Batch, GDG, LearnSettings, NetworkLearner, PHASE_CLOCK, Profile, TrainingPhase};
 use gdg::map::{Grid, builtin};
 use gdg::text::counted;
-use gdg::train::{self, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use gdg::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 use gdg_tui::setup::parallel_jobs;
-use gdg_tui::tui::MeasuredInterface;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -42,12 +40,6 @@ const PROFILED_RUNS: usize = 4;
 /// Updates after which the checkpoint is saved.
 const SAVED_AFTER: u64 = 6_000;
 
-/// Columns and rows of the screen, and side of the map in cells, when the interface is measured; a
-/// turn is longer than the two seconds for which the grounds of pictures may rest.
-const SCREEN: (u16, u16) = (200, 60);
-const SIDE: usize = 256;
-const WATCHED: Duration = Duration::from_secs(3);
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Part {
     /// One update of critic, model and actor
@@ -56,13 +48,11 @@ enum Part {
     Training,
     /// What each second of processor time is spent on, with bridge points and without
     Profile,
-    /// What the interface costs
-    Interface,
     /// What a checkpoint consists of
     Checkpoint,
 }
 
-/// Measures the speed of learning on this machine, and what the interface costs.
+/// Measures the speed of learning on this machine.
 #[derive(Parser)]
 struct Args {
     /// Measure this part alone; may be given more than once [default: all]
@@ -90,7 +80,6 @@ fn main() -> Result<()> {
             Part::Updates => updates(threads, runs),
             Part::Training => MAPS.iter().map(|map| training(map, threads, runs)).collect(),
             Part::Profile => MAPS.iter().map(|map| profile(map, runs.min(PROFILED_RUNS))).collect(),
-            Part::Interface => interface(threads, runs),
             Part::Checkpoint => checkpoint(threads),
         };
         println!("{}", table?);
@@ -194,54 +183,6 @@ fn training(map: &str, threads: usize, runs: usize) -> Result<String> {
     })?;
     let ([one, all], on_all) = (rates.map(median), on(threads));
     let out = format!("{map}: {one:.0} updates/s on one thread, {all:.0} on {on_all}\n");
-    Ok(out)
-}
-
-/// Training on a large map of rooms, watched on each kind of screen and alone.
-fn interface(threads: usize, runs: usize) -> Result<String> {
-    let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
-    let free = (0..SIDE * SIDE).map(|i| !wall(i % SIDE, i / SIDE)).collect();
-    let map = Arc::new(Grid::new("rooms", SIDE, free, Vec::new(), Vec::new()));
-    // It evaluates in the background, as it does behind the interface.
-    let alone = Engine::start(trainer(&map, threads)?, Limits::default())?;
-    let reach = |command, phase| {
-        let snapshots = alone.snapshots();
-        alone.send(command);
-        while snapshots.borrow().phase != phase {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        snapshots.borrow().counters.updates
-    };
-    reach(EngineCommand::Pause, Phase::Paused);
-    let open = |pixels| {
-        Ok::<_, Box<dyn Error>>(MeasuredInterface::open(trainer(&map, threads)?, SCREEN, pixels)?)
-    };
-    let mut screens = [false, true].map(open).into_iter().collect::<Result<Vec<_>>>()?;
-    let mut rates = Vec::new();
-    let mut measured = vec![(Vec::new(), Vec::new()); screens.len()];
-    for turn in 0..=runs {
-        let (before, began) = (reach(EngineCommand::Resume, Phase::Running), Instant::now());
-        std::thread::sleep(WATCHED);
-        let seconds = began.elapsed().as_secs_f64();
-        let rate = (reach(EngineCommand::Pause, Phase::Paused) - before) as f64 / seconds;
-        for (screen, (ratios, frames)) in screens.iter_mut().zip(&mut measured) {
-            let found = screen.measure(WATCHED)?;
-            // The first turn is a warm-up.
-            if turn > 0 {
-                ratios.push(found.updates_per_second / rate);
-                frames.extend(found.frames_us);
-            }
-        }
-        rates.extend((turn > 0).then_some(rate));
-    }
-    let (alone, on) = (median(rates), on(threads));
-    let mut out = format!("{SIDE} x {SIDE} cells: {alone:.0} updates/s on {on}; at 200 x 60:\n");
-    for (name, (ratios, frames)) in ["characters", "pixels, kitty"].into_iter().zip(measured) {
-        let ratio = median(ratios);
-        let [frame, slow] = [0.5, 0.95].map(|share| quantile(frames.clone(), share) / 1e3);
-        out += &format!("  {name:<16}{ratio:.2} of that; a frame {frame:.1} ms");
-        out += &format!(", 95th percentile {slow:.1} ms\n");
-    }
     Ok(out)
 }
 

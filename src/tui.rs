@@ -21,11 +21,10 @@
 //!   terminal itself with the loop that forwards events and draws frames.
 //! * `session`: a run on the screen, and what commands do with it; `compare`: two of them.
 //! * `app`: the application, which gives events to the topmost dialog, or else to what is below.
-//! * `runs`: the list of saved runs; `benchmark`: the interface, as `cargo bench` measures it.
+//! * `runs`: the list of saved runs.
 
 mod action;
 mod app;
-mod benchmark;
 mod canvas;
 mod characters;
 mod choices;
@@ -60,7 +59,6 @@ use miette::{IntoDiagnostic, Report, miette};
 use crate::process::signals::TerminationSignal;
 use crate::setup::{self, Setup};
 use app::App;
-pub use benchmark::MeasuredInterface;
 pub use choices::Marker;
 use compare::Comparison;
 pub use compare::{ComparisonOptions, Contender, Contestants, prepare as prepare_comparison};
