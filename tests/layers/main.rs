@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_649),
-    ("tui", 19_349),
+    ("tui", 19_335),
     ("cli", 601),
     ("commands", 984),
 ];
