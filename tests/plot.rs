@@ -102,7 +102,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     has_parts(&refused.refusal(), &["run.csv: is not a table of a figure"]);
     // The table is one of its own as long as a figure beside it says so.
     std::fs::remove_file(folder.path().join("fig.pdf")).unwrap();
-    let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "greedy"];
+    let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "alone"];
     let greedy = plot(folder.path(), &[&greedy, &out[..]].concat());
     greedy.success();
     let table = rows(&folder.path().join("fig.csv"));

@@ -103,11 +103,13 @@ pub enum Measure {
     #[default]
     Success,
     /// Success rate of the actor alone
-    Greedy,
+    #[value(alias = "greedy")]
+    Alone,
     /// Relative error of D
     Error,
     /// Share of the world explored
-    Coverage,
+    #[value(alias = "coverage")]
+    Explored,
 }
 
 /// What the horizontal axis counts.
@@ -146,9 +148,9 @@ impl Drawable for Measure {
     fn names(self) -> [&'static str; 2] {
         match self {
             Self::Success => ["success", "success rate"],
-            Self::Greedy => ["greedy", "success rate, actor alone"],
+            Self::Alone => ["alone", "success rate, actor alone"],
             Self::Error => ["error", "relative error of D"],
-            Self::Coverage => ["coverage", "share explored"],
+            Self::Explored => ["explored", "share explored"],
         }
     }
 }
@@ -167,9 +169,9 @@ impl Measure {
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
-            Self::Greedy => evaluation.greedy.success,
+            Self::Alone => evaluation.greedy.success,
             Self::Error => evaluation.distance_error.map(|error| error.mape),
-            Self::Coverage => evaluation.coverage,
+            Self::Explored => evaluation.coverage,
         };
         value.filter(|value| value.is_finite())
     }

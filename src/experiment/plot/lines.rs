@@ -193,7 +193,7 @@ pub fn lines(
         lines.push(SeedCurves { chart, name, colour: colour(marker), marker, seeds });
     }
     if lines.is_empty() {
-        let help = "--y success, greedy, error or coverage";
+        let help = "--y success, alone, error or explored";
         let (y, methods) = (options.y.label(), runs.iter().map(|run| run.method.as_str()));
         let methods: BTreeSet<&str> = methods.collect();
         let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
