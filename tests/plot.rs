@@ -275,7 +275,7 @@ fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
     assert_eq!(curves, expected.iter().map(|curve| &curve[..]).collect());
     assert!(steps.iter().all(|steps| *steps > 200), "after learning_starts: {steps:?}");
     let one = plot(folder.path(), &["a.safetensors", "--y", "coverage"]);
-    assert_eq!(one.out, "a-coverage.svg\na-coverage.csv\n", "{}", one.err);
-    let table = rows(&folder.path().join("a-coverage.csv"));
+    assert_eq!(one.out, "a-explored.svg\na-explored.csv\n", "{}", one.err);
+    let table = rows(&folder.path().join("a-explored.csv"));
     assert_eq!(table[1][..4], ["", "gdg-bridge", "0", "30"].map(str::to_owned));
 }

@@ -35,7 +35,7 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("next test", "when they are measured again"),
     ("saved", "when its program saved what is shown"),
     ("explored", "visited share of the reachable cells"),
-    ("moves", "steps in which the achieved goal moves"),
+    ("achieved", "what is compared with the goal"),
     ("bridges", "bridge candidates, and edges between them"),
     ("search", "steps gained by the best bridge tried"),
     ("learning", "time spent on updates, and on agents' steps"),
@@ -60,7 +60,7 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Lin
     lines.extend(success(screen, all));
     // Where it seldom moves, agents have to find out how.
     let seldom = snapshot.goal_moved.filter(|share| all || *share < 0.2);
-    let moved = |share: f64| fact("moves", format!("in {:.1} % of steps", 100.0 * share));
+    let moved = |share: f64| fact("achieved", format!("moves in {:.1} % of steps", 100.0 * share));
     lines.extend(seldom.map(moved));
     if all {
         lines.extend(bridges(screen, scene));
