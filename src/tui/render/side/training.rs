@@ -35,7 +35,7 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("next test", "when they are measured again"),
     ("saved", "when its program saved what is shown"),
     ("explored", "visited share of the reachable cells"),
-    ("achieved", "what is compared with the goal"),
+    ("achieved", "the part of the state that the goal is about"),
     ("bridges", "bridge candidates, and edges between them"),
     ("search", "steps gained by the best bridge tried"),
     ("learning", "time spent on updates, and on agents' steps"),
