@@ -13,7 +13,7 @@ use super::{EnvError, Environment, Episodes, Spec};
 pub struct GoalSpace {
     kind: &'static str,
     title: String,
-    spec: Spec,
+    pub(crate) spec: Spec,
     episode_steps: Option<u32>,
     walls: Option<Arc<Walls>>,
     /// Without agents, if it has not failed.
@@ -37,6 +37,15 @@ impl GoalSpace {
     /// Returns whether (x, y) lies in a wall of its maze or outside; not without a maze.
     pub fn is_wall(&self, at: [f32; 2]) -> bool {
         self.walls.as_ref().is_some_and(|walls| walls.cell_at(at).is_none_or(|i| walls.is_wall(i)))
+    }
+
+    /// Whether `other` is the same space, but for the scales of its world, which follow the agents' steps.
+    pub fn is_as(&self, other: &Self) -> bool {
+        let Spec { state_centre, state_half_range, change_scale, contacts, .. } =
+            other.spec.clone();
+        let own = self.spec.clone();
+        let spec = Spec { state_centre, state_half_range, change_scale, contacts, ..own };
+        Self { spec, ..self.clone() } == *other
     }
 
     pub fn spec(&self) -> &Spec {

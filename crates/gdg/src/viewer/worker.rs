@@ -107,7 +107,11 @@ impl ViewerWorker {
     pub fn enter(&mut self, snapshot: &Snapshot) {
         let stays = match (&self.scene, &snapshot.scene) {
             (WorldScene::Arm(own), WorldScene::Arm(other)) => own == other,
-            (WorldScene::Goals(own), WorldScene::Goals(other)) => own == other,
+            (WorldScene::Goals(own), WorldScene::Goals(other)) => {
+                let stays = own.is_as(other);
+                self.scene = snapshot.scene.clone();
+                stays
+            }
             (WorldScene::Maze(own), WorldScene::Maze(other)) => {
                 let before = own.map.clone();
                 self.scene = snapshot.scene.clone();
@@ -577,6 +581,7 @@ fn distances(
 mod tests {
     use super::*;
     use crate::bridge::Planner;
+    use crate::env::GoalSpace;
     use crate::train::{Method, Preset, Registry, Run, Settings, Trainer};
 
     fn snapshot(width: usize) -> Snapshot {
@@ -605,6 +610,24 @@ mod tests {
         assert_eq!(goal_after(&large, far), Some(far.centre().to_vec()));
         let goal = goal_after(&small, far);
         assert!(goal.as_ref().is_none_or(|at| at[0] < 4.0), "no cell outside of the map: {goal:?}");
+    }
+
+    #[test]
+    fn a_walk_goes_on_where_the_scales_of_its_world_change() {
+        let mut snapshot = snapshot(4);
+        let mut space = Box::new(GoalSpace::of(&FetchReach::new(0), None));
+        snapshot.scene = WorldScene::Goals(space.clone());
+        let mut worker = ViewerWorker::new(&snapshot);
+        let goal = vec![1.3, 0.7, 0.5];
+        worker.handle(Request::Goal(Some(goal.clone()), 1));
+        space.spec.change_scale[9] += 1.0;
+        snapshot.scene = WorldScene::Goals(space.clone());
+        worker.enter(&snapshot);
+        assert_eq!(worker.view.goal.0, Some(goal));
+        space.spec.goal_radius *= 2.0;
+        snapshot.scene = WorldScene::Goals(space);
+        worker.enter(&snapshot);
+        assert_eq!(worker.view.goal.0, None, "another world");
     }
 
     #[test]
