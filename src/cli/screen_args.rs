@@ -60,9 +60,9 @@ Examples:
   gdg-tui runs saves/suite records/          of an experiment, and records
   gdg-tui runs --json | jq -r 'select(.success >= 0.9) | .file'
 
-On a terminal, a screen: / filters by words, s sorts, Space marks runs, whose curves and \
+On a terminal, a screen: / filters by words, the arrows sort, Space marks runs, whose curves and \
 settings are then shown together, also while they grow; Enter resumes, or watches what another \
-program trains, c compares (q leads back to the list), Delete deletes; ? lists all keys. \
+program trains, and compares two that are marked (q leads back to the list), Delete deletes; ? lists all keys. \
 Elsewhere, a table. --json writes one JSON object per run and line, of checkpoints, results and \
 records alike.
 

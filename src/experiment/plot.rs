@@ -101,6 +101,7 @@ pub enum By {
 pub enum Measure {
     /// Success rate, with plans if the method plans
     #[default]
+    #[value(alias = "planned")]
     Success,
     /// Success rate of the actor alone
     #[value(alias = "greedy")]

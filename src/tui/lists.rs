@@ -32,6 +32,14 @@ pub const EMPTY_MAP: (usize, usize) = (40, 30);
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
+/// What the program does besides.
+const COMMANDS: [&str; 4] = [
+    "gdg-tui tour: a guided tour of the four rooms",
+    "gdg-tui compare gdg-bridge gdg trap: two methods side by side",
+    "gdg-tui runs: all saved runs, their curves and settings",
+    "gdg-tui suite: many maps, methods, settings and seeds",
+];
+
 /// The help: what is seen, what can be done on this screen, with its keys, the fields to show, the
 /// settings, and what the numbers mean. Typing searches it, and Enter does what is selected.
 pub fn help(screen: &Screen, scene: &Scene) -> Picker {
@@ -67,12 +75,15 @@ pub fn help_in(
         let label = format!("log files: {}", folder.display());
         Item::new(label, "", Choice::Nothing).within("files of the program")
     });
+    let command = |text: &&str| Item::new(*text, "", Choice::Nothing).within("on the command line");
+    let commands = COMMANDS.iter().map(command);
     let mut text = introduction.to_owned();
     if screen.theme.depth == ColourDepth::Mono {
         text = text.replace("light near, dark far", "the denser, the farther");
         text = text.replace("Colours show", "Shades show");
     }
-    Picker::new("help", actions.chain(more).chain(numbers).chain(folder).collect()).explaining(text)
+    Picker::new("help", actions.chain(more).chain(numbers).chain(commands).chain(folder).collect())
+        .explaining(text)
 }
 
 pub fn help_of_lists(keymap: &Keymap) -> Picker {

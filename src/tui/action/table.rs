@@ -87,7 +87,10 @@ impl Binding {
                 A::Toggle(Overlay::Ghost) => {
                     format!("{title}: the actor alone cannot begin in the state where a plan does")
                 }
-                _ => format!("{title} has no map, which \"{}\" is for", self.name),
+                own => format!(
+                    "{title} has no map, which {} is for",
+                    session.screen.keymap.key_of(own)
+                ),
             };
             return session.screen.notify(&text);
         }

@@ -168,7 +168,7 @@ fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<Hint> {
 const MAX_NOTICE_ROWS: usize = 4;
 
 /// Keys at the end of the line that are the last to be left out.
-const LAST_KEYS: [Action; 2] = [Action::Help, Action::Quit];
+const LAST_KEYS: [Action; 3] = [Action::Save, Action::Help, Action::Quit];
 
 /// Draws the line, and a notice above it.
 pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
@@ -285,8 +285,8 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let fits = |bar: &ClickableLine| bar.width() <= usize::from(width) + 1;
     let mut bar = { options }.find(fits).unwrap_or_else(|| line(own, &[done]));
     let mouse = editor.tool.about().1;
-    if bar.width() + mouse.len() <= usize::from(width) {
-        bar.push(Span::styled(mouse, DIM), None);
+    if bar.width() + mouse.len() < usize::from(width) {
+        bar.push(Span::styled(format!(" {mouse}"), DIM), None);
     }
     bar
 }

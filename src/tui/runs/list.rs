@@ -287,7 +287,8 @@ fn awaited(run: &SavedRun) -> String {
         Some((_, every)) => every.and_then(due).unwrap_or("at its end".to_owned()),
         None => "at no time: it has no --save".to_owned(),
     };
-    format!("waiting for the first save of {}, {when}   Esc: the list", name(&run.source))
+    let file = run.saves.as_ref().map_or(&run.source, |(file, _)| file);
+    format!("waiting for the first save of {}, {when}   Esc: the list", name(file))
 }
 
 /// Files, and when each was last written.

@@ -196,12 +196,14 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     let actor = match (ghost.arrived, stands) {
         (true, _) => format!("arrived in {}", steps(ghost.steps)),
         (false, true) => format!("stands{place}{since}"),
-        (false, false) => steps(ghost.steps),
+        (false, false) => "on its way".to_owned(),
     };
-    let plan = if reach.arrived { "arrived in " } else { "" };
-    let plan = format!("@ with plans: {plan}{}; a alone: ", steps(reach.steps));
+    let arrived = format!("arrived in {}", steps(reach.steps));
+    let plan = if reach.arrived { &*arrived } else { "on its way" };
+    let plan = format!("@ with plans: {plan}; a, the actor alone: ");
     let full = format!("{}{actor}", if plans { &plan } else { "@ " });
-    let short = full.replace("with plans", "planned").replace(place, "").replace(" steps", "");
+    let short = full.replace("with plans", "planned").replace(", the actor", "").replace(place, "");
+    let short = short.replace(" steps", "");
     let shorter = short.replace(&since, "").replace("arrived in", "in");
     (plans || stands).then(|| vec![full, short, shorter])
 }

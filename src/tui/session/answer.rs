@@ -1,6 +1,6 @@
 //! Input to dialogs, of which the topmost one gets every event, and the effects of their answers.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use crossterm::event::Event;
 use rand::RngExt;
@@ -168,7 +168,7 @@ impl Session {
 /// Says what an answer would replace or lose, which has to be confirmed.
 fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, String> {
     let file = match question {
-        Question::SaveMap => Path::new(typed).to_owned(),
+        Question::SaveMap => disk::map_file(typed),
         Question::SaveAs => match checkpoint_file(typed) {
             file if file.is_file() && !is_checkpoint(&file) => {
                 return Err(format!("{} is no checkpoint: give another name", file.display()));

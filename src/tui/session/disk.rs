@@ -103,14 +103,21 @@ pub fn pick_checkpoint(session: &mut Session) {
     });
 }
 
+/// Returns the file for a map that is called `name`.
+pub fn map_file(name: &str) -> PathBuf {
+    let path = PathBuf::from(name);
+    if path.extension().is_none() { path.with_extension("txt") } else { path }
+}
+
 /// Writes the map to a file, or returns why it cannot be.
 pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
     if name.is_empty() {
         return Err("enter a file name, e.g. rooms.txt or rooms.map".to_owned());
     }
     let Some(maze) = cx.scene.maze_mut() else { return Ok(()) };
-    let path = Path::new(name);
-    let files = format_for(path).write(&maze.map, path);
+    let path = map_file(name);
+    let name = path.display();
+    let files = format_for(&path).write(&maze.map, &path);
     // All are written before any is replaced.
     let written: std::io::Result<Vec<_>> =
         files.iter().map(|(path, bytes)| prepare(path, bytes)).collect();

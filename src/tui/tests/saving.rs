@@ -243,7 +243,8 @@ fn an_edited_map_is_not_discarded_without_a_question() {
     let cell = app.maze().map.free_cells().next().expect("a free cell");
     app.change_cell(cell, false);
     assert!(asks(&mut app), "although it has hardly been trained");
-    save_as(&mut app, Action::SaveMap, "edited.txt");
+    save_as(&mut app, Action::SaveMap, "edited");
+    assert!(folder.path().join("edited.txt").is_file(), "an ending of its own");
     assert!(!app.scene.has_unsaved_map());
     app.change_cell(cell, true);
     assert!(asks(&mut app));
