@@ -337,6 +337,9 @@ fn the_same_seed_gives_the_same_run_resumed_or_not_and_with_any_number_of_worker
     assert!(resumed.status.success(), "{}", stderr(&resumed));
     assert_eq!(first, records(&resumed, "evaluation"), "resumed in the middle of episodes");
     assert!(!stderr(&resumed).contains("new episodes"));
+    // What was drawn when the module was imported is the same in all processes.
+    let twice = [(), ()].map(|()| records(&run("Imports", &whole), "evaluation"));
+    assert_eq!(twice[0], twice[1]);
     // So does what draws from the random numbers that all environments of a process share.
     let drawn = records(&run("Global", &whole), "evaluation");
     run("Global", &["--max-updates", "50", "--save", "global.safetensors"]);

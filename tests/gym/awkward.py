@@ -243,6 +243,15 @@ class Pit(Point):
         return bool(self.at[0] < -0.2 * SIDE)
 
 
+class Imports(Point):
+    """Has a speed that was drawn when its module was imported."""
+
+    speed = np.random.uniform(0.1, 1.0)
+
+    def step(self, action):
+        return super().step(self.speed * action)
+
+
 class Brief(Point):
     """Ends each episode with its first step."""
 

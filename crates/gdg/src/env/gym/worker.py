@@ -332,6 +332,9 @@ def open_environment(body):
     np = importlib.import_module("numpy")
     gym = importlib.import_module("gymnasium")
     environment_id = config["id"]
+    # What packages draw when they are imported is the same in all processes.
+    random.seed(0)
+    np.random.seed(0)
     if config["package"]:
         # Last: files in the present folder are to take the place of nothing else.
         sys.path.append("")
