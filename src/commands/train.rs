@@ -38,14 +38,14 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return Err(bad_input(find_maps::unknown_name(args.map(), registry, &commands)));
     }
     let obstacle = if args.no_ui { None } else { obstacle() };
-    if let Some(obstacle) = &obstacle {
-        let meant = "--no-ui says that this is meant";
-        eprint_line(&format!("trains without the interface, as {obstacle} ({meant})"));
-    }
     let opening = Waiting::on(prepare::opening(args));
     let setup = prepare::prepare(args, registry, &opening);
     drop(opening);
     let setup = setup.map_err(bad_input)?;
+    if let Some(obstacle) = &obstacle {
+        let meant = "--no-ui says that this is meant";
+        eprint_line(&format!("trains without the interface, as {obstacle} ({meant})"));
+    }
     if args.no_ui || obstacle.is_some() {
         return headless::run(setup, &args.headless).map_err(failure);
     }

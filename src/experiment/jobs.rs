@@ -359,7 +359,7 @@ impl Runner<'_> {
     fn resume_or_begin(&self, i: usize) -> Result<Trainer, Report> {
         let job = self.open[i];
         let (own, length) = (self.all.folder.checkpoint(job), job.plan.length);
-        let (amount, unit) = (length.amount(), length.unit());
+        let (amount, unit) = (grouped(length.amount()), length.unit());
         // Includes where it was saved if its own file could not be written; `max_by_key` prefers
         // its own, the last, among equals.
         let found = elsewhere(&own).into_iter().chain([own]).filter(|path| path.exists());
@@ -375,7 +375,7 @@ impl Runner<'_> {
             }
             job.world.check(trainer.world())?;
             trainer.check_data().into_diagnostic()?;
-            let done = length.done(&trainer.counters());
+            let done = grouped(length.done(&trainer.counters()));
             self.say(i, &format!("resumes after {done} of {amount} {unit}"));
             return Ok(trainer);
         }
@@ -438,6 +438,7 @@ impl Runner<'_> {
         let mut said = self.said.lock();
         if done >= amount || said.is_none_or(|at| at.elapsed() >= BETWEEN_LINES) {
             *said = Some(Instant::now());
+            let [done, amount] = [done, amount].map(grouped);
             let so_far = format!("{done} of {amount} {unit}, {success}");
             self.say(i, &format!("{so_far}, {rate:.0} updates/s{overall}"));
         }
