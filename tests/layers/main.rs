@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 268),
     ("settings", 393),
     ("map", 3_751),
-    ("env", 6_539),
+    ("env", 6_541),
     ("learn", 8_832),
     ("bridge", 3_931),
     ("train", 6_976),

@@ -287,7 +287,7 @@ fn checksum(path: &Path, parts: usize, progress: &Job) -> Result<(u32, Option<Fi
             }
         }
     };
-    let help = "resume with --data FILE if they are elsewhere";
+    let help = "give --data FILE if they are elsewhere, with --resume FILE for a saved run";
     let unread = |error| unfit(path, format!("the data cannot be read: {error}: {help}"));
     Ok((read().map_err(unread)?, facts))
 }
