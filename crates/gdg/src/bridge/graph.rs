@@ -76,8 +76,6 @@ pub struct BridgeGraph {
     /// `incoming[first[j]..first[j + 1]]`: the edges that lead to j.
     incoming: Vec<Incoming>,
     first: Vec<u32>,
-    /// The most edges that lead to one candidate.
-    most_incoming: usize,
     /// Their expected lengths, which searches do not need.
     lengths: Vec<f32>,
 }
@@ -143,10 +141,9 @@ impl BridgeGraph {
             from: edge.from as u32,
             cost_units: routes::cost_units(edge.cost),
         });
-        let most_incoming = first.windows(2).map(|of| (of[1] - of[0]) as usize).max().unwrap_or(0);
         let (incoming, lengths) =
             (incoming.collect(), by_target.iter().map(|edge| edge.length).collect());
-        Self { candidates, edges, incoming, first, most_incoming, lengths }
+        Self { candidates, edges, incoming, first, lengths }
     }
 
     pub(crate) fn stored(&self) -> StoredGraph {

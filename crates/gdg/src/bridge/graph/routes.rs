@@ -215,7 +215,6 @@ impl BridgeGraph {
         let mut next: Vec<u32> = (0..best.len() as u32).collect();
         let mut edges = vec![0; best.len()];
         let mut reached = RadixHeap::new();
-        let mut shorter = vec![0; self.most_incoming];
         for (candidate, cost) in &links {
             best[*candidate as usize] = u64::from(*cost).min(best[*candidate as usize]);
             reached.push(u64::from(*cost), *candidate);
@@ -227,17 +226,12 @@ impl BridgeGraph {
             }
             let [first, end] = [0, 1].map(|k| self.first[candidate as usize + k]);
             let incoming = &self.incoming[first as usize..end as usize];
-            // Few edges lead to a shorter path, at random: a branch for each would be mispredicted.
-            let mut count = 0;
-            for (k, Incoming { from, cost_units }) in (0..).zip(incoming) {
-                shorter[count] = k;
-                count += usize::from(ahead + u64::from(*cost_units) < best[*from as usize]);
-            }
-            for k in &shorter[..count] {
-                let Incoming { from, cost_units } = incoming[*k as usize];
-                let (at, cost) = (from as usize, ahead + u64::from(cost_units));
-                (best[at], next[at], edges[at]) = (cost, candidate, first + k);
-                reached.push(cost, from);
+            for (edge, Incoming { from, cost_units }) in (first..).zip(incoming) {
+                let (at, cost) = (*from as usize, ahead + u64::from(*cost_units));
+                if cost < best[at] {
+                    (best[at], next[at], edges[at]) = (cost, candidate, edge);
+                    reached.push(cost, *from);
+                }
             }
         }
         let in_steps =

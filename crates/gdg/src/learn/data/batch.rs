@@ -73,8 +73,6 @@ pub struct Batch {
     /// 1 where the actor learns from the pair; 0 where g is far and the path through the graph
     /// begins or ends too far away to lead it, `(batch)`.
     pub actor_weights: Vec<f32>,
-    /// Where the averaged actor leads, f(s, mu'(s, g)), `(batch, state_dim)`; empty if not yet known.
-    pub after_actor: Vec<f32>,
     /// The states from which targets bootstrap, `(batch, state_dim)`.
     pub bootstrap_states: Vec<f32>,
     /// Steps from s to the state ahead, or to the goal, `(batch)`.
@@ -146,7 +144,6 @@ impl Batch {
             &mut self.goals,
             &mut self.actor_goals,
             &mut self.actor_weights,
-            &mut self.after_actor,
             &mut self.bootstrap_states,
             &mut self.steps,
             &mut self.bootstrap,

@@ -70,8 +70,6 @@ pub fn follow_graph(
         return;
     }
     let (s, g) = (sampler.spec.state_dim(), sampler.spec.goal_dim());
-    // Targets need it, too.
-    policy.step(&batch.states, &batch.goals, &mut batch.after_actor, scratch);
     let paths = find_paths(sampler, policy, known, batch, first, scratch);
     let DistancesByGoal { places: ends_at, steps, waypoints, .. } = known.by_goal;
     let mut queries = DistanceQueries::default();
@@ -115,6 +113,7 @@ fn find_paths(
     let places = known.goals.len();
     let DistancesByGoal { goals, steps, .. } = known.by_goal;
     let least = if sampler.leads(known) { LEAST_LED_STEPS } else { LEAST_BOUND_STEPS };
+    let mut pairs = DistanceQueries::default();
     for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
         let state = &batch.states[row * s..(row + 1) * s];
         let goal = &batch.goals[row * g..(row + 1) * g];
@@ -129,11 +128,13 @@ fn find_paths(
             let from = starts.len();
             starts.extend(around.iter().filter(|a| steps(a).is_finite()));
             paths.push(GraphPath { row, end, starts: from..starts.len(), start, before: 0.0 });
+            pairs.push(state, goal);
         }
     }
+    let mut next = Vec::new();
+    policy.step(&pairs.states, &pairs.goals, &mut next, scratch);
     let mut queries = DistanceQueries::default();
-    for path in &paths {
-        let next = &batch.after_actor[path.row * s..(path.row + 1) * s];
+    for (path, next) in paths.iter().zip(next.chunks_exact(s)) {
         starts[path.starts.clone()].iter().for_each(|a| queries.push(next, known.goals.goal(*a)));
     }
     let before = queries.ask(policy, scratch);

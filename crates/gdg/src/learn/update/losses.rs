@@ -76,12 +76,8 @@ impl Shapes {
         targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if let (true, Some(model)) = (rows.greedy_targets, current.model) {
             let mut next = std::mem::take(&mut networks.model.y);
-            let after = if rows.after_actor.is_empty() {
-                let pairs = Pairs { plain, states: rows.states, goals: rows.goals };
-                self.step_with_actor(averaged.actor, model, pairs, &mut next, networks)
-            } else {
-                rows.after_actor
-            };
+            let pairs = Pairs { plain, states: rows.states, goals: rows.goals };
+            let after = self.step_with_actor(averaged.actor, model, pairs, &mut next, networks);
             after_actor.resize(rows.steps.len(), 0.0);
             self.distances_between(critics, after, rows.goals, after_actor, &mut networks.critic);
             networks.model.y = next;

@@ -37,8 +37,6 @@ pub struct Rows<'a> {
     pub goals: &'a [f32],
     pub actor_goals: &'a [f32],
     pub actor_weights: &'a [f32],
-    /// Empty if not known.
-    pub after_actor: &'a [f32],
     pub bootstrap_states: &'a [f32],
     pub steps: &'a [f32],
     pub bootstrap: &'a [f32],
@@ -69,7 +67,6 @@ impl<'a> Rows<'a> {
             goals: cut(&batch.goals, g),
             actor_goals: cut(&batch.actor_goals, g),
             actor_weights: cut(&batch.actor_weights, 1),
-            after_actor: cut(&batch.after_actor, s),
             bootstrap_states: cut(&batch.bootstrap_states, s),
             steps: cut(&batch.steps, 1),
             bootstrap: cut(&batch.bootstrap, 1),
