@@ -62,9 +62,9 @@ Examples:
 
 On a terminal, a screen: / filters by words, the arrows sort, Space marks runs, whose curves and \
 settings are then shown together, also while they grow; Enter resumes, or watches what another \
-program trains, and compares two that are marked (q leads back to the list), Delete deletes; ? lists all keys. \
-Elsewhere, a table. --json writes one JSON object per run and line, of checkpoints, results and \
-records alike.
+program trains, and compares two that are marked (q leads back to the list), Delete deletes; \
+? lists all keys. Elsewhere, a table. --json writes one JSON object per run and line, of \
+checkpoints, results and records alike.
 
 Exit status: 0 success; 2 bad usage or input; 128 + its number after a signal.";
 

@@ -34,7 +34,7 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
         };
         std::fs::read_dir(folder).map_err(unreadable).map_err(bad_input)?;
     }
-    // Without folders, also what could not be saved in its own.
+    // Where no other folder is named, also what could not be saved in its own.
     let usual = args.folders == [PathBuf::from(".")];
     let elsewhere = recovered().filter(|folder| usual && folder.is_dir());
     let folders: Vec<PathBuf> = args.folders.iter().cloned().chain(elsewhere).collect();

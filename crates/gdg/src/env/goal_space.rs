@@ -39,15 +39,6 @@ impl GoalSpace {
         self.walls.as_ref().is_some_and(|walls| walls.cell_at(at).is_none_or(|i| walls.is_wall(i)))
     }
 
-    /// Whether `other` is the same space, but for the scales of its world, which follow the agents' steps.
-    pub fn is_as(&self, other: &Self) -> bool {
-        let Spec { state_centre, state_half_range, change_scale, contacts, .. } =
-            other.spec.clone();
-        let own = self.spec.clone();
-        let spec = Spec { state_centre, state_half_range, change_scale, contacts, ..own };
-        Self { spec, ..self.clone() } == *other
-    }
-
     pub fn spec(&self) -> &Spec {
         &self.spec
     }
@@ -78,11 +69,20 @@ impl GoalSpace {
 
 const NAMES: [&str; 3] = ["x", "y", "z"];
 
-/// Two are equal if nothing that is drawn differs.
+/// Two are equal if nothing that is drawn or walked in differs: the scales of other components than the
+/// goal's follow the agents' steps.
 impl PartialEq for GoalSpace {
     fn eq(&self, other: &Self) -> bool {
-        (self.kind, &self.title, &self.spec, self.episode_steps, &self.walls)
-            == (other.kind, &other.title, &other.spec, other.episode_steps, &other.walls)
+        let spec = |Spec { achieved, action_dim, goal_radius, state_centre, .. }: &Spec| {
+            (achieved.clone(), *action_dim, *goal_radius, state_centre.len())
+        };
+        let ranges = |space: &Self| -> Vec<[f32; 2]> {
+            (0..space.spec.goal_dim()).map(|i| space.range(i)).collect()
+        };
+        (self.kind, &self.title, self.episode_steps, &self.walls)
+            == (other.kind, &other.title, other.episode_steps, &other.walls)
+            && spec(&self.spec) == spec(&other.spec)
+            && ranges(self) == ranges(other)
     }
 }
 

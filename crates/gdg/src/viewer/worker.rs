@@ -107,11 +107,7 @@ impl ViewerWorker {
     pub fn enter(&mut self, snapshot: &Snapshot) {
         let stays = match (&self.scene, &snapshot.scene) {
             (WorldScene::Arm(own), WorldScene::Arm(other)) => own == other,
-            (WorldScene::Goals(own), WorldScene::Goals(other)) => {
-                let stays = own.is_as(other);
-                self.scene = snapshot.scene.clone();
-                stays
-            }
+            (WorldScene::Goals(own), WorldScene::Goals(other)) => own == other,
             (WorldScene::Maze(own), WorldScene::Maze(other)) => {
                 let before = own.map.clone();
                 self.scene = snapshot.scene.clone();

@@ -261,6 +261,7 @@ def find_maze(own):
 
 
 def is_free(maze, position):
+    """Whether a position is in a free cell of a maze that `find_maze` has found."""
     column, row = np.rint((np.asarray(position)[:2] - maze["first"]) / maze["cell"])
     cells = maze["is_wall"]
     return 0 <= row < len(cells) and 0 <= column < len(cells[0]) and not cells[int(row)][int(column)]
@@ -372,7 +373,8 @@ def describe(slot, package):
     radius = getattr(own, "distance_threshold", getattr(own, "_goal_tol", None))
     if radius is None and type(own).__module__.startswith("gymnasium_robotics.envs.maze"):
         radius = MAZE_RADIUS
-    says_radius = type(radius) is not bool and isinstance(radius, (int, float, np.number)) and 0 < radius < float("inf")
+    is_number = isinstance(radius, (int, float, np.number)) and not isinstance(radius, bool)
+    says_radius = is_number and 0 < radius < float("inf")
     limit = gym.spec(slot.env.spec.id).max_episode_steps
     tasks = None if goals.in_observation else getattr(own, "num_tasks", None)
     maze, notes = find_maze(own), []
