@@ -31,8 +31,9 @@ DRAWS = 200
 # Rules of walks, and how to do without each.
 RULES = {
     "single plan": lambda graph: setattr(graph.rules, "open_loop", False),
-    "deadline without a way": lambda graph: setattr(graph.rules, "window_steps", np.inf),
     "delays": lambda graph: setattr(graph, "hops", np.zeros_like(graph.hops)),
+    "steps walked": lambda graph: setattr(graph.rules, "near_steps", np.inf),
+    "circles": lambda graph: setattr(graph.rules, "same_place", -1.0),
     "longer bans": lambda graph: setattr(graph.rules, "ban_strikes", 10**9),
 }
 

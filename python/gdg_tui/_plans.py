@@ -102,9 +102,11 @@ class Graph:
         where they may not be planned.
         """
         rules = self.rules
-        arrived, failed = self.hops[np.minimum(distance.astype(int), len(self.hops) - 1)].T
-        delay = failed / (arrived + 1.0) * self.late_after(distance)
         ahead, back = self.observed(start, end), self.observed(end, start)
+        walked = np.isfinite(ahead) & rules.verify_edges
+        steps = np.where(walked, np.maximum(distance, ahead - rules.near_steps), distance)
+        arrived, failed = self.hops[np.minimum(steps.astype(int), len(self.hops) - 1)].T
+        delay = failed / (arrived + 1.0) * self.late_after(steps)
         verified = ahead <= rules.observed_factor * distance + rules.observed_slack_steps
         by_distance = (distance < rules.edge_cutoff_steps) & (verified | (not rules.verify_edges))
         length = np.maximum(
@@ -115,7 +117,7 @@ class Graph:
         )
         otherwise = length + penalty if rules.keep_observed_edges else np.inf
         otherwise = np.where((self.kinds[start] == self.kinds[end]).all(axis=-1), otherwise, np.inf)
-        return np.where(by_distance, distance, otherwise) + delay
+        return np.where(by_distance, steps, otherwise) + delay
 
     def shortest_paths(self, links: Sequence[tuple[int, int]]) -> tuple[np.ndarray, list[int]]:
         """Finds the cheapest paths to a goal, given the candidates linked to it and the costs of
@@ -195,7 +197,8 @@ class Walk:
         self._graph, self._critics = planner.graph, planner.critics
         self._actor, self._interface = planner.actor, planner.interface
         self._target: int | None = None
-        self._clock = self._deadline = 0
+        self._clock = self._began = self._deadline = 0
+        self._turned, self._landmark = False, None
         self._remaining = np.inf
         self._banned: list[tuple[int, int]] = []
         self._at: int | None = None
@@ -208,12 +211,13 @@ class Walk:
         self._banned = [(late, until) for late, until in self._banned if until > self._clock]
         if target is None:
             target, distance = self._planned(at) or self._choose(at)
+            self._began, self._turned, self._landmark = self._clock, False, None
             self._deadline = self._clock + int(self._graph.late_after(distance))
         self._target = target
         self._clock += 1
         aim = self._position(target)
         (action,) = self._actor.actions(at[None], aim[None])
-        if rules.lookahead and self.strikes % 2 == 0:
+        if rules.lookahead and (self.strikes % 2 == 0) != self._turned:
             action = self._critics.improved(at, aim, action)
         return self._interface.actions(action[None])[0]
 
@@ -241,7 +245,10 @@ class Walk:
             return None
         reached = bool(self._graph.reached(self._position(target)[None], state)[0])
         reached = reached and (target == GOAL or bool(self._graph.alike(target, state)))
-        late = rules.progress_check and self._clock >= self._deadline
+        circles = rules.progress_check and self._goes_in_circles(state)
+        late = rules.progress_check and self._clock >= self._deadline or circles and self._turned
+        if circles:
+            self._began, self._turned, self._landmark = self._clock, True, None
         if reached and target != GOAL:
             self._remaining, self.strikes, self._at = self._route.costs[target], 0, target
         elif late and not reached:
@@ -250,6 +257,16 @@ class Walk:
             ban = rules.ban_steps * max(self.strikes // rules.ban_strikes, 1)
             self._banned = [*self._banned, (target, self._clock + ban)]
         return None if late or reached else target
+
+    def _goes_in_circles(self, state: np.ndarray) -> bool:
+        """Returns whether the agent is where it was before on its way to the target."""
+        state, rules, landmark = state.astype(np.float32), self._graph.rules, self._landmark
+        least = np.float32(rules.same_place) * np.float32(rules.change_scale)
+        again = landmark is not None and bool((np.abs(state - landmark) <= least).all())
+        since = self._clock - self._began
+        if since > 0 and since & (since - 1) == 0:
+            self._landmark = state
+        return again
 
     def _planned(self, state: np.ndarray) -> tuple[int, float] | None:
         """Returns the next target, and D to it, of a walk with a single plan that is under way."""

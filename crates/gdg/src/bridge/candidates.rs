@@ -38,6 +38,10 @@ pub(crate) const DETOUR_FACTOR: f32 = 2.0;
 /// Steps that a path may take beside the multiple before it is a detour.
 pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 
+/// Steps that a trajectory from near one candidate to near another may take beyond those between
+/// the candidates themselves.
+pub(crate) const NEAR_STEPS: f32 = 1.0;
+
 /// Candidates spread over all visited states, and the fewest steps of any trajectory from near one
 /// to near another.
 ///
@@ -224,14 +228,27 @@ impl Candidates {
         &self.hops
     }
 
+    /// Returns the steps that a hop of `distance` steps by D has to reckon with, between candidates
+    /// between which trajectories took `observed`: the longer of the two. Across thin walls D falls
+    /// short, and agents that descend it stop at the wall.
+    pub(super) fn steps_of_hop(&self, distance: f32, observed: u16) -> f32 {
+        if !self.settings.verify_edges || observed == UNOBSERVED {
+            return distance;
+        }
+        distance.max(f32::from(observed) - NEAR_STEPS)
+    }
+
     /// Records the outcome of a walk between two candidates, given by their ids, that was
     /// `distance` steps long by D.
     pub fn record_walk(&mut self, from: u32, to: u32, distance: f32, arrived: bool) {
-        self.hops.record(distance, arrived);
-        let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to))
-        else {
+        let (Some(row), Some(end)) = (self.index_of(from), self.index_of(to)) else {
+            self.hops.record(distance, arrived);
             return;
         };
+        self.hops.record(self.steps_of_hop(distance, self.observed(row, end)), arrived);
+        if row == end {
+            return;
+        }
         let practice = Arc::make_mut(&mut self.paths[row]).practice.entry(to).or_default();
         if arrived {
             *practice = WalkRecord { arrived: practice.arrived.saturating_add(1), failed: 0 };

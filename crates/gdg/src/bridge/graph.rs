@@ -331,11 +331,12 @@ impl PlannedEdge {
     fn new(candidates: &Candidates, from: usize, to: usize, distance: f32) -> Option<Self> {
         let settings = &candidates.settings;
         let observed = candidates.observed(from, to);
-        let delay = candidates.hops().failures(distance) * late_after(distance);
+        let steps = candidates.steps_of_hop(distance, observed);
+        let delay = candidates.hops().failures(steps) * late_after(steps);
         let verified = observed != UNOBSERVED
             && f32::from(observed) <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
         if distance < settings.edge_cutoff_steps && (verified || !settings.verify_edges) {
-            return Some(Self { length: distance, cost: distance + delay });
+            return Some(Self { length: distance, cost: steps + delay });
         }
         // Whoever heads for a place that the goal does not tell apart may pass by what has to be done
         // first: only where the straight way takes as long as the observed one is it the same way.
@@ -440,6 +441,24 @@ mod tests {
         assert!(failures > 1.0, "{failures}");
         assert_eq!(link(4.5).cost, 4.5 + failures * late_after(4.5));
         assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "nor for other lengths");
+    }
+
+    #[test]
+    fn where_d_falls_short_of_what_was_walked_hops_cost_what_was_walked() {
+        let (.., mut candidates) = walked(200, 39.5);
+        let paths = candidates.observed_from(0).collect::<Vec<_>>();
+        let (to, walked) = *paths.iter().find(|(_, steps)| *steps >= 6).expect("a path");
+        let (walked, [from, end]) = (f32::from(walked) - 1.0, [0, to].map(|i| candidates.id(i)));
+        let short = walked - 2.0;
+        for arrived in [true, false, false] {
+            candidates.record_walk(from, end, short, arrived);
+        }
+        assert_eq!(candidates.hops().failures(short), 0.0);
+        let failures = candidates.hops().failures(walked);
+        assert!(failures > 0.5, "{failures}");
+        let link = PlannedEdge::new(&candidates, 0, to, short).expect("a link");
+        assert_eq!(link.cost, walked + failures * late_after(walked));
+        assert_eq!(link.length, short);
     }
 
     #[test]

@@ -6,20 +6,23 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::candidates::UNOBSERVED;
+use super::candidates::{NEAR_STEPS, UNOBSERVED};
 use super::graph::{
     BridgeGraph, COST_UNITS_PER_STEP, FirstHop, HopOptions, LINK_CANDIDATES, OBSERVED_FACTOR,
     OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, REVERSED_PENALTY_STEPS, Route, UNVERIFIED_FACTOR,
 };
 use super::settings::{BAN_STEPS, BridgeSettings, LATE_FACTOR, LATE_SLACK_STEPS, late_after};
 use crate::learn::{Policy, Scratch, look_ahead};
-use crate::store::StoreError;
+use crate::store::{StoreError, planes};
 
 /// Number of consecutive late targets after which an agent counts as stuck.
 pub(crate) const MAX_STRIKES: u32 = 2;
 
 /// Consecutive late targets after which bans grow by another [`BAN_STEPS`].
 pub(crate) const BAN_STRIKES: u32 = 4;
+
+/// An agent is where it was if no component of its state differs by more of a typical step.
+pub(crate) const SAME_PLACE: f32 = 0.03;
 
 /// Nearest candidates for which an agent that chooses a waypoint computes D.
 pub(crate) const NEAREST_CANDIDATES: usize = 3;
@@ -42,6 +45,8 @@ pub struct Walker {
     clock: u32,
     /// D to the target when it was chosen.
     distance: f32,
+    /// Step at which the target was chosen, or the agent turned to the other way of acting.
+    began: u32,
     /// Step at which the target becomes late.
     deadline: u32,
     /// Cost from the last waypoint reached to the goal. The next waypoint must be closer, or the
@@ -49,6 +54,11 @@ pub struct Walker {
     /// target.
     remaining: f32,
     strikes: u32,
+    /// Whether the agent has gone in circles on its way to the target, and acts otherwise since.
+    turned: bool,
+    /// Where the agent was after 1, 2, 4, 8... steps towards the target, whichever was last.
+    #[serde(with = "planes")]
+    landmark: Vec<f32>,
     /// Late targets, and the step until which each is banned.
     banned: Vec<(WalkTarget, u32)>,
     /// The last candidate reached; `None` at the start and after a late target.
@@ -82,9 +92,12 @@ impl Walker {
             target: None,
             clock: 0,
             distance: 0.0,
+            began: 0,
             deadline: 0,
             remaining: f32::INFINITY,
             strikes: 0,
+            turned: false,
+            landmark: Vec::new(),
             banned: Vec::new(),
             at: None,
             hop: None,
@@ -102,7 +115,8 @@ impl Walker {
             && targets.all(|target| target.candidate().is_none_or(known))
             && goal.len() == graph.candidates.spec.goal_dim()
             && goal.iter().chain([&self.distance]).all(|v| v.is_finite())
-            && !self.remaining.is_nan();
+            && !self.remaining.is_nan()
+            && [0, graph.candidates.spec.state_dim()].contains(&self.landmark.len());
         StoreError::unless(fits, "a stored walk does not fit its bridge graph")?;
         let route = graph.route_from_links(goal, std::mem::take(nearest), std::mem::take(links));
         self.route = Route { has_unverified_links: *has_unverified_links, ..route };
@@ -117,7 +131,7 @@ impl Walker {
     /// takes over until the next one, and so on: lookahead exploits errors of the dynamics model,
     /// the actor gets stuck elsewhere.
     pub fn looks_ahead(&self, graph: &BridgeGraph) -> bool {
-        graph.candidates.settings.lookahead && self.strikes.is_multiple_of(2)
+        graph.candidates.settings.lookahead && self.strikes.is_multiple_of(2) != self.turned
     }
 
     pub fn route(&self) -> &Route {
@@ -162,6 +176,8 @@ impl Walker {
                 None => self.choose_target(state, graph, policy, scratch),
             };
             self.distance = distance;
+            (self.turned, self.began) = (false, clock);
+            self.landmark.clear();
             self.deadline = clock + late_after(distance) as u32;
             target
         });
@@ -177,7 +193,12 @@ impl Walker {
         let (current, settings) = (self.target?, &graph.candidates.settings);
         let reached = graph.candidates.spec.reached(state, self.target_position(graph, current))
             && current.candidate().is_none_or(|i| graph.is_of_kind(i, state));
-        let late = settings.progress_check && self.clock >= self.deadline;
+        let circles = settings.progress_check && self.goes_in_circles(state, graph);
+        let late = settings.progress_check && self.clock >= self.deadline || circles && self.turned;
+        if circles {
+            (self.turned, self.began) = (true, self.clock);
+            self.landmark.clear();
+        }
         if let (Some(from), Some(to)) = (self.at, current.candidate())
             && (reached || late)
         {
@@ -200,6 +221,21 @@ impl Walker {
             _ => {}
         }
         (!late && !reached).then_some(current)
+    }
+
+    /// Whether the agent is where it was before on its way to the target: it would do the same again.
+    /// Landmarks at powers of two find circles of any length (Brent's algorithm).
+    fn goes_in_circles(&mut self, state: &[f32], graph: &BridgeGraph) -> bool {
+        let scales = &graph.candidates.spec.change_scale;
+        let apart = |(i, scale): (usize, &f32)| {
+            let landmark = self.landmark.get(i);
+            landmark.is_none_or(|then| (state[i] - then).abs() > SAME_PLACE * scale)
+        };
+        let again = !scales.iter().enumerate().any(apart);
+        if (self.clock - self.began).is_power_of_two() {
+            self.landmark = state.to_vec();
+        }
+        again
     }
 
     /// Returns the best next target and the steps to it by D.
@@ -400,6 +436,9 @@ impl BridgeGraph {
             "late_slack_steps": LATE_SLACK_STEPS,
             "ban_steps": BAN_STEPS,
             "lookahead": lookahead,
+            "same_place": SAME_PLACE,
+            "change_scale": self.candidates.spec.change_scale,
+            "near_steps": NEAR_STEPS,
             "window_steps": self.candidates.settings.window_steps(),
             "unobserved": UNOBSERVED,
             "told_apart_by": self.candidates.others().iter().map(|axis| (axis.component, axis.width, axis.low)).collect::<Vec<_>>(),
@@ -551,12 +590,34 @@ mod tests {
         let mut scratch = Scratch::default();
         let mut walker = Walker::new(graph.route(&[99.0, 0.5], &BothAxes, &mut scratch));
         let longest = late_after(settings.window_steps() as f32) as u32;
-        for _ in 0..=longest {
+        for step in 0..=longest {
             assert_eq!(walker.strikes, 0);
-            assert_eq!(walker.step(&[1.0, 0.5], &graph, &BothAxes, &mut scratch)[0], 99.0);
+            let state = [1.0 + 0.1 * step as f32, 0.5];
+            assert_eq!(walker.step(&state, &graph, &BothAxes, &mut scratch)[0], 99.0);
         }
         walker.step(&[1.0, 0.5], &graph, &BothAxes, &mut scratch);
         assert_eq!(walker.strikes, 1);
+    }
+
+    #[test]
+    fn an_agent_in_a_circle_acts_otherwise_and_gives_up_at_the_second_one() {
+        let (.., candidates) = walked(200, 39.5);
+        let (graph, mut scratch) = (graph(&candidates), Scratch::default());
+        for circle in 1..=3 {
+            let mut walker = Walker::new(graph.route(&[39.0, 0.5], &BothAxes, &mut scratch));
+            let mut looked = Vec::new();
+            for step in 0..12 {
+                let at = 5.0 + 0.3 * (step % circle) as f32;
+                walker.step(&[at, 0.5], &graph, &BothAxes, &mut scratch);
+                if walker.strikes > 0 {
+                    break;
+                }
+                looked.push(walker.looks_ahead(&graph));
+            }
+            assert_eq!(walker.strikes, 1, "{circle}");
+            assert!(looked[0] && !looked[looked.len() - 1], "{circle}: {looked:?}");
+            assert!(looked.len() < late_after(walker.distance) as usize, "{circle}: {looked:?}");
+        }
     }
 
     #[test]

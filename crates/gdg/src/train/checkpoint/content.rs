@@ -16,7 +16,7 @@ use crate::train::policy_file::POLICY_KEY;
 
 /// The format, and the beginning of the name of every format. Formats 1 to 4 were those of versions
 /// before 0.3.
-const FORMAT: &str = "gdg-tui checkpoint 5";
+const FORMAT: &str = "gdg-tui checkpoint 6";
 const FORMAT_PREFIX: &str = "gdg-tui checkpoint ";
 
 const FORMAT_KEY: &str = "format";
