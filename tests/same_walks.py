@@ -34,7 +34,7 @@ RULES = {
     "delays": lambda graph: setattr(graph, "hops", np.zeros_like(graph.hops)),
     "steps walked": lambda graph: setattr(graph.rules, "near_steps", np.inf),
     "circles": lambda graph: setattr(graph.rules, "same_place", -1.0),
-    "longer bans": lambda graph: setattr(graph.rules, "ban_strikes", 10**9),
+    "longer bans": lambda graph: setattr(graph.rules, "max_doublings", 0),
 }
 
 

@@ -208,7 +208,6 @@ class Walk:
         """Advances the walk in `state` (state_dim) and returns the action of the next step."""
         at = rows(state, len(self._actor.encoder.centre), "a state")[0]
         rules, target = self._graph.rules, self._keep_target(at)
-        self._banned = [(late, until) for late, until in self._banned if until > self._clock]
         if target is None:
             target, distance = self._planned(at) or self._choose(at)
             self._began, self._turned, self._landmark = self._clock, False, None
@@ -254,9 +253,13 @@ class Walk:
         elif late and not reached:
             self._remaining, self._at = np.inf, None
             self.strikes += 1
-            ban = rules.ban_steps * max(self.strikes // rules.ban_strikes, 1)
+            times = sum(late == target for late, _ in self._banned)
+            ban = rules.ban_steps << min(times, rules.max_doublings)
             self._banned = [*self._banned, (target, self._clock + ban)]
         return None if late or reached else target
+
+    def _banned_now(self) -> list[int]:
+        return [late for late, until in self._banned if until > self._clock]
 
     def _goes_in_circles(self, state: np.ndarray) -> bool:
         """Returns whether the agent is where it was before on its way to the target."""
@@ -291,7 +294,7 @@ class Walk:
         if waypoint is None and np.isinf(options.direct) and self._link_unverified():
             waypoint = self._best_waypoint(state, options, True)
             waypoint = waypoint or self._best_waypoint(state, options, False)
-        banned = any(late == GOAL for late, _ in self._banned)
+        banned = GOAL in self._banned_now()
         direct = np.inf if banned else options.direct
         if waypoint is not None and not (np.isfinite(direct) and direct <= waypoint[2]):
             return waypoint[:2]
@@ -320,7 +323,7 @@ class Walk:
         """Returns which candidates lead on towards the goal, and are not banned."""
         return (
             (self._route.costs[candidates] < self._remaining)
-            & ~np.isin(candidates, [late for late, _ in self._banned])
+            & ~np.isin(candidates, self._banned_now())
             & ~(
                 self._graph.reached(self._graph.points[candidates], state)
                 & self._graph.alike(candidates, state)

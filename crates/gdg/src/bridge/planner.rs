@@ -18,8 +18,8 @@ use crate::store::{StoreError, planes};
 /// Number of consecutive late targets after which an agent counts as stuck.
 pub(crate) const MAX_STRIKES: u32 = 2;
 
-/// Consecutive late targets after which bans grow by another [`BAN_STEPS`].
-pub(crate) const BAN_STRIKES: u32 = 4;
+/// Most times that the ban of a target is doubled.
+pub(crate) const MAX_DOUBLINGS: usize = 16;
 
 /// An agent is where it was if no component of its state differs by more of a typical step.
 pub(crate) const SAME_PLACE: f32 = 0.03;
@@ -59,7 +59,7 @@ pub struct Walker {
     /// Where the agent was after 1, 2, 4, 8... steps towards the target, whichever was last.
     #[serde(with = "planes")]
     landmark: Vec<f32>,
-    /// Late targets, and the step until which each is banned.
+    /// Late targets so far, and the step until which each was banned.
     banned: Vec<(WalkTarget, u32)>,
     /// The last candidate reached; `None` at the start and after a late target.
     at: Option<usize>,
@@ -161,7 +161,6 @@ impl Walker {
         let settings = &graph.candidates.settings;
         let target = self.keep_target(state, graph);
         let clock = self.clock;
-        self.banned.retain(|(_, until)| *until > clock);
         // An open loop continues its single plan from the waypoint reached.
         let on_plan = self.at.filter(|_| settings.open_loop);
         let planned = on_plan.map(|at| match self.route.next[at] as usize {
@@ -214,8 +213,9 @@ impl Walker {
                 self.at = None;
                 self.remaining = f32::INFINITY;
                 self.strikes += 1;
-                // The longer an agent is stuck, the more targets it tries before it retries one.
-                let ban = BAN_STEPS.saturating_mul((self.strikes / BAN_STRIKES).max(1));
+                // Twice as long each time, so that agents come to try others.
+                let times = self.banned.iter().filter(|(banned, _)| *banned == current).count();
+                let ban = BAN_STEPS << times.min(MAX_DOUBLINGS);
                 self.banned.push((current, self.clock.saturating_add(ban)));
             }
             _ => {}
@@ -344,7 +344,7 @@ impl Walker {
     }
 
     fn is_allowed(&self, target: WalkTarget) -> bool {
-        self.banned.iter().all(|(banned, _)| *banned != target)
+        self.banned.iter().all(|(banned, until)| *banned != target || *until <= self.clock)
     }
 
     /// Returns the waypoints still ahead, as candidates, in walking order.
@@ -446,7 +446,7 @@ impl BridgeGraph {
             "nearest_candidates": NEAREST_CANDIDATES,
             "promising_candidates": PROMISING_CANDIDATES,
             "max_strikes": MAX_STRIKES,
-            "ban_strikes": BAN_STRIKES,
+            "max_doublings": MAX_DOUBLINGS,
             "unverified_factor": UNVERIFIED_FACTOR,
             "observed_factor": OBSERVED_FACTOR,
             "observed_slack_steps": OBSERVED_SLACK_STEPS,
@@ -621,19 +621,20 @@ mod tests {
     }
 
     #[test]
-    fn bans_last_longer_the_longer_an_agent_is_stuck() {
+    fn bans_of_a_target_last_twice_as_long_each_time() {
         let (.., candidates) = walked(200, 39.5);
         let (graph, mut scratch) = (graph(&candidates), Scratch::default());
         let mut walker = Walker::new(graph.route(&[39.0, 0.5], &BothAxes, &mut scratch));
-        let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
-        while walker.strikes < 2 * BAN_STRIKES {
+        for _ in 0..2_000 {
             walker.step(&[5.0, 0.5], &graph, &BothAxes, &mut scratch);
-            // The clock already includes the step at which a target is late.
-            let latest = walker.banned.last().map_or(0, |(_, until)| until + 1 - walker.clock);
-            bans[walker.strikes as usize] = latest.max(bans[walker.strikes as usize]);
         }
-        let expected = |strikes: u32| BAN_STEPS * (strikes / BAN_STRIKES).max(1);
-        assert_eq!(bans[1..], (1..=2 * BAN_STRIKES).map(expected).collect::<Vec<_>>());
-        assert!(walker.banned.len() > 1, "{:?}", walker.banned);
+        let bans = &walker.banned;
+        let until = bans.iter().filter(|(target, _)| *target == bans[0].0).map(|(_, until)| until);
+        let until: Vec<u32> = until.copied().collect();
+        assert!(until.len() > 3, "{bans:?}");
+        for three in until.windows(3) {
+            assert!(three[2] - three[1] > 3 * (three[1] - three[0]) / 2, "{until:?}");
+        }
+        assert!(bans.iter().any(|(target, _)| *target != bans[0].0), "others are tried: {bans:?}");
     }
 }
