@@ -255,7 +255,7 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let lines: Vec<&str> = table.lines().collect();
     assert_eq!(lines.len(), 3, "{table}");
     let columns: Vec<&str> = lines[0].split_whitespace().collect();
-    let names = "map method seed updates success alone state written file";
+    let names = "map method seed updates planned alone state written file";
     assert_eq!(columns.join(" "), names);
     assert!(lines[1].ends_with("saves/fourrooms.safetensors"), "newest first: {table}");
     for part in ["trap", "gdg-bridge", " 4 ", " 20 ", " 0.", " saved "] {

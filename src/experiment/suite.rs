@@ -330,7 +330,7 @@ mod tests {
             .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
             .collect();
         assert!(lines[1].starts_with("hall (2 of 3 seeds) gdg-bridge 9 - 0.75 (0.50)"), "{shown}");
-        assert_eq!(lines[2], "trap gdg-bridge 9 - 0.50 (0.50) - 0.50 [1] -", "of one seed");
+        assert_eq!(lines[2], "trap gdg-bridge 9 - 0.50 (0.50) - 50 % [1] -", "of one seed");
         assert!(shown.ends_with("if not of all.\n"), "it says what brackets are: {shown}");
         assert!(lines[3].starts_with("mean of 2 gdg-bridge 9 - 0.62"), "each map once: {shown}");
 

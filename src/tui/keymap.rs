@@ -237,7 +237,7 @@ mod tests {
             ("pause", "q", "quit"),
             ("pause", "1", "training"),
             // Both are used in comparisons.
-            ("next-larger", "v", "next-field"),
+            ("axis", "v", "next-field"),
         ] {
             let error = keymap(&[(name, &[key])]).expect_err("a mistake");
             assert!(error.problem.contains(said) || error.help.contains(said), "{error:?}");

@@ -341,11 +341,7 @@ pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
 }
 
 fn about(d: &RunDescription, zone: &TimeZone) -> String {
-    let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
-        (Some(planned), Some(greedy)) => format!("success {planned:.2}, alone {greedy:.2}"),
-        (_, Some(greedy)) => format!("success {greedy:.2}"),
-        (_, None) => "no tasks".to_owned(),
-    });
+    let success = d.success.map_or("not evaluated".to_owned(), |s| s.to_string());
     let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
     let date =
         written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());

@@ -154,9 +154,9 @@ const ROWS: &[ScreenTest] = &[
     (Arm, SMALL, "e", &["fetch-reach cannot be edited"], &["EDIT"]),
     (Arm, SMALL, ":editor", &[], &["open the map editor"]),
     (Goals, SMALL, "", &["g0\u{2192}", "g1\u{2191}", " train  curves  walk  legend"], &[]),
-    (Goals, HUGE, "2", &["loss of D"], &["D off by"]),
+    (Goals, HUGE, "2", &["loss of D"], &["error of D"]),
     // Comparisons.
-    (Both, LARGE, "", &["Tab size  ? help", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
+    (Both, LARGE, "", &["e edit  ? help", "A gdg-bridge", "B gdg", "arrived in 4", "races"], &[]),
     (Both, LARGE, "?", &["maps are saved"], &[]),
     (Both, LARGE, "o", &["not in a comparison"], &[]),
     (Both, SMALL, "[", &["no film yet"], &[]),
