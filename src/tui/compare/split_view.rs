@@ -201,9 +201,10 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
     let raced = if races > 0 { format!("{arrived} of {races}") } else { unknown() };
     let counters = snapshot.counters;
-    let success = match plans {
-        true => ("planned", planned, format!(" (alone {alone})")),
-        false => ("alone", alone, String::new()),
+    let success = if plans {
+        ("planned", planned, format!(" (alone {alone})"))
+    } else {
+        ("alone", alone, String::new())
     };
     let facts = [
         ("steps", short(counters.env_steps as f64), String::new()),
