@@ -169,22 +169,17 @@ impl SavedRun {
         let is_within = |limit| self.written.is_some_and(|at| is_recent(at, limit));
         // The process of a job holds a file beside its checkpoint, which one that was killed leaves behind.
         let is_held = || self.source.with_extension("lock").is_file();
+        // Some times the time between two of its records.
+        let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
+        let pause = Duration::try_from_secs_f64(seconds).unwrap_or_default();
         let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
         match self.end {
             Some(_) if is_job && is_held() => RunState::Running,
             Some(end) => end,
             None if self.method.is_empty() && !is_within(BEGINS) => RunState::CutOff,
-            None if is_within(QUIET.max(self.between_records())) || is_in_use(&self.source) => {
-                RunState::Running
-            }
+            None if is_within(QUIET.max(pause)) || is_in_use(&self.source) => RunState::Running,
             None => RunState::CutOff,
         }
-    }
-
-    /// Returns some times the time between two of its records.
-    fn between_records(&self) -> Duration {
-        let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
-        Duration::try_from_secs_f64(seconds).unwrap_or_default()
     }
 
     /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.

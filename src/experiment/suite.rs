@@ -60,6 +60,10 @@ pub struct SuiteOptions {
     )]
     pub budget: Option<u64>,
 
+    /// Python interpreter of gym:ID [default: that of the active virtual environment, else python3]
+    #[arg(long, value_name = "PATH")]
+    pub python: Option<PathBuf>,
+
     /// Runs per map, with seeds 1, 2, ...
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = counts::<u64>(1..=1000))]
     pub seeds: u64,

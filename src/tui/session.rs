@@ -31,7 +31,7 @@ use super::lists;
 use super::render;
 use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
-use super::screen::{PATIENCE, Screen};
+use super::screen::{BANNER_DURATION, PATIENCE, Screen};
 use disk::ShowResult;
 use elsewhere::TrainedElsewhere;
 use gdg::engine::{EngineLink, NextEvaluation, Phase, Snapshot};
@@ -230,7 +230,7 @@ impl Session {
     pub fn on_tick(&mut self) -> bool {
         let Self { cx, saver, guide, .. } = self;
         saver.on_tick(cx);
-        let dropped = cx.screen.drop_old_banner();
+        let dropped = cx.screen.banner.take_if(|since| since.elapsed() > BANNER_DURATION).is_some();
         let tour_changed = guide.on_tick(cx);
         let log_changed = cx.screen.log.on_tick();
         let read = disk::on_tick(cx);

@@ -104,7 +104,7 @@ impl Binding {
         (self.run)(session, self.action);
         if session.screen.dialogs.len() > dialogs {
             // An error that was there before says nothing about the new dialog.
-            session.screen.log.dismiss_before(began);
+            session.screen.log.notice.take_if(|(since, _)| *since < began);
         }
     }
 

@@ -145,12 +145,6 @@ impl Saver {
         self.then = Some(then).filter(|_| self.save(cx));
     }
 
-    /// Saves to a file named by the user, who has confirmed replacing it if it exists.
-    pub fn save_under(&mut self, path: PathBuf, cx: &mut Cx) {
-        self.to = SaveTo::Replace(path);
-        self.save(cx);
-    }
-
     /// Saves automatically, to a file next to the user's own.
     fn autosave(&mut self, cx: &mut Cx) {
         let (own, others) = (self.to.path().to_owned(), elsewhere(self.to.path()).split_off(1));

@@ -217,16 +217,12 @@ fn checked(values: &Map<String, Value>) -> Result<Settings> {
     Err(ConfigError::new(problem, help))
 }
 
-/// Returns the hint for a number with a decimal comma.
-fn decimal_comma(value: &Value) -> &'static str {
-    let is_number =
-        |text: &str| text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok();
-    if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
-}
-
 fn refused(name: &str, setting: &Setting, value: &Value) -> Box<ConfigError> {
     let shown = truncated(&value.to_string(), MAX_QUOTED_CHARS);
-    let help = format!("{name} must be {}{}", setting.values, decimal_comma(value));
+    let text = value.as_str().filter(|text| text.contains(','));
+    let is_number = text.is_some_and(|text| text.replace(',', ".").parse::<f64>().is_ok());
+    let comma = if is_number { "; a point separates the fraction" } else { "" };
+    let help = format!("{name} must be {}{comma}", setting.values);
     ConfigError::new(format!("{name} cannot be {shown}"), help)
 }
 
@@ -248,7 +244,11 @@ pub fn about_setting(setting: &Setting, values: &str) -> Vec<String> {
 }
 
 pub fn setting_page(name: &str) -> Result<String, Box<ConfigError>> {
-    let setting = Setting::named(name).ok_or_else(|| unknown(name))?;
+    let Some(setting) = Setting::named(name) else {
+        let lines = SETTINGS.iter().map(|own| format!("{}: {}\n", own.name, own.about));
+        let found: String = lines.filter(|line| line.contains(name)).collect();
+        return if found.is_empty() { Err(unknown(name)) } else { Ok(found) };
+    };
     let value = |preset: Preset| {
         format!("{} in {}", shown(&preset.settings().values()[setting.name]), preset.name())
     };
