@@ -294,7 +294,10 @@ impl Session {
         }
         match &latest.phase {
             Phase::Failed(error) if before.phase != latest.phase => {
-                saver.on_training_failed(error, &mut cx.screen);
+                cx.screen.report(&format!("training stopped: {error}"));
+                if !saver.has_failed {
+                    saver.show_failure("training has stopped", error, &mut cx.screen);
+                }
             }
             Phase::Done if before.phase.is_training() => {
                 let key = cx.screen.keymap.key_of(Action::TogglePause);

@@ -353,7 +353,7 @@ pub fn reference_page() -> String {
 Set one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as of `--print-config`), or change any of
 them during training with `o`. A change takes effect immediately, unless the last column says otherwise. The
 usual ones come first, with what they do to success early in training, as [measured](research/settings.md).
-This page is printed by `gdg-tui settings`, and one of them by `gdg-tui settings NAME`.
+This page is printed by `gdg-tui settings`, one of them by `gdg-tui settings NAME`, those with a word by `settings WORD`.
 
 Some worlds bring default settings of their own, on top of the presets `default` and `tuned`; `paper` and `sb3`
 stay as published. `--config` and `--set` come last.
