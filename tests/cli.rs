@@ -460,7 +460,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         ),
         (&["--no-ui", "--method", "my-own+none"], &["LEARNER+PLANNER", "none, bridges, sorb"]),
         (&["--no-ui", "--max-updates", "-3"], &["invalid value '-3' for '--max-updates"]),
-        (&["suite", "trap", "--budget", "-3"], &["invalid value '-3' for '--budget"]),
+        (&["suite", "trap", "--budget", "-3"], &["invalid value '-3' for '--max-updates"]),
         (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),
         (&["--no-ui", "--max-seconds", "soon"], &["number of seconds"]),
         (&["check", "trap", "--margin", "-1"], &["--margin", "a number from 0"]),

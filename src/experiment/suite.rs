@@ -29,7 +29,7 @@ use gdg::train::{METHODS, Method, Registry};
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui suite maps/ --seeds 3              every map; run again to resume
-  gdg-tui suite fourrooms city my.map --budget 20000 --set hidden=128
+  gdg-tui suite fourrooms city my.map --max-updates 20000 --set hidden=128
   gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her
   gdg-tui suite my.map --sweep hidden=32,64 --sweep tau=0.01,0.1    all four
   gdg-tui suite my.map --set small:hidden=32    a variant called small as well
@@ -51,13 +51,9 @@ pub struct SuiteOptions {
     #[arg(value_name = "FOLDER|MAP", required = true)]
     pub maps: Vec<PathBuf>,
 
-    /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
-    #[arg(
-        long,
-        visible_alias = "max-updates",
-        value_name = "N",
-        value_parser = counts::<u64>(1..=1 << 53)
-    )]
+    /// Updates of every run [default: 60,000 up to 6,000 free cells, 200,000 up to 50,000, 600,000
+    /// beyond]
+    #[arg(long = "max-updates", alias = "budget", value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub budget: Option<u64>,
 
     /// Python interpreter of gym:ID [default: that of the active virtual environment, else python3]

@@ -117,10 +117,10 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
         let title = distances(&evaluation.greedy.by_distance);
-        lines.push(Line::styled(format!(" {:<11}all   {title}", "success"), BOLD));
+        lines.push(Line::styled(format!(" {:<11}all  {title}", "success"), BOLD));
         let score = |name: &str, score: &Score| match score.success {
             Some(success) => {
-                fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance)))
+                fact(name, format!("{success:.2} {}", success_bars(&score.by_distance)))
             }
             None => fact(name, "no tasks"),
         };
@@ -139,7 +139,7 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         lines.push(next(screen));
         // Coverage is known between evaluations as well.
         let seen = screen.snapshot.coverage();
-        let explored = |seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen));
+        let explored = |seen| fact("explored", format!("{:.0} % in reach", 100.0 * seen));
         lines.extend(seen.last().map(|(_, seen)| explored(*seen)));
     } else {
         lines.push(fact("success", "not evaluated yet"));
