@@ -197,7 +197,6 @@ impl Comparison {
         if self.lags {
             self.share_edit();
         }
-        // Before the first plan, there is little to see.
         let has_plan = self.sessions.iter().any(|own| maze_of(own).view.reach.path.len() > 1);
         if has_plan && !self.race.is_planned {
             (self.race.is_planned, self.race.results) = (true, Default::default());

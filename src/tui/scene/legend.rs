@@ -210,7 +210,9 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     if plans && reach.arrived && ghost.arrived {
         let both = format!("both arrive: @ planned in {planned}, a alone in {alone}");
         let short = both.replace("@ ", "").replace(", a ", ", ").replace(" steps", "");
-        let full = before(&screen.snapshot).map(|then| both.clone() + &then);
+        let then =
+            |text| format!("both arrive, in {} and {alone}{text}", grouped(reach.steps.into()));
+        let full = before(&screen.snapshot).map(then);
         return Some(full.into_iter().chain([both, short]).collect());
     }
     let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
