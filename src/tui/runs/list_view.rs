@@ -233,7 +233,7 @@ fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
     };
     for (name, least) in LEFT_OUT {
         if left(&columns) < least {
-            columns.retain(|(kept, _)| COLUMNS[*kept].name != name || *kept == list.order.0);
+            columns.retain(|(kept, _)| COLUMNS[*kept].name != name);
         }
     }
     columns.push((COLUMNS.len() - 1, left(&columns)));

@@ -175,7 +175,7 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "x", &["x does nothing here", "Enter resume", "q quit"], &[]),
     (List, LARGE, "{right}{right}{left}r", &["file\u{2191}"], &["written\u{2193}"]),
     (List, LARGE, " {down} ", &["Enter compare"], &["Enter resume"]),
-    (List, SMALL, "", &["written\u{2193}"], &[]),
+    (List, SMALL, "", &["planned", "alone", "state"], &["written"]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
     (List, LARGE, "D", &["delete 1 file for good?", "y: yes n: no"], &[]),
     (List, SMALL, "?", &["mark", "Space"], &[]),
