@@ -88,8 +88,8 @@ pub enum Command {
     /// Print the reference of all settings in Markdown, or what some of them are
     #[command(hide = true)]
     Settings {
-        /// Settings to show instead of all
-        #[arg(value_name = "NAME")]
+        /// Settings to show instead of all, or words in their names and descriptions
+        #[arg(value_name = "NAME|WORD")]
         names: Vec<String>,
     },
     /// Take a guided tour of the four rooms: a minute and a half

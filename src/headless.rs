@@ -21,7 +21,7 @@ use crate::setup::Setup;
 use crate::setup::outputs::to_elsewhere;
 use crate::setup::saves::resume_command;
 use crate::setup::values::{counts, output, reals, shares};
-use gdg::env::{EnvError, Recorded};
+use gdg::env::{EnvError, Recorded, gym};
 use gdg::files;
 use gdg::job::{Job, Running};
 use gdg::printing;
@@ -56,7 +56,7 @@ pub struct HeadlessOptions {
     #[arg(long, value_name = "MINUTES", value_parser = reals(0.0..=1e6, "a number of minutes, 0 for none"), requires = "no_ui")]
     pub save_every: Option<f64>,
 
-    /// Evaluate every N updates
+    /// Evaluate every N updates [default: a tenth of all, at least 5,000; environments in Python: at the end]
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
     pub eval_every_updates: Option<u64>,
 
@@ -205,12 +205,14 @@ impl HeadlessRun<'_> {
     }
 
     fn train(&mut self) -> Result<EndReason, Report> {
-        let save_every = save_interval(self.options.save_every);
-        let evaluate = self.options.eval_every_updates;
+        // In a simulator, an evaluation may take longer than the training before it.
+        let is_slow = self.setup.trainer.world().kind() == gym::KIND.name;
+        let usual = self.setup.limits.updates.unwrap_or(0).max(50_000) / 10;
+        let evaluate = self.options.eval_every_updates.or((!is_slow).then_some(usual));
         let schedule = Schedule {
             progress_every_updates: Some(PROGRESS_EVERY_UPDATES),
             evaluate: evaluate.map_or(EvaluateAt::Never, EvaluateAt::EveryUpdates),
-            save_every: save_every.filter(|_| self.saver.is_some()),
+            save_every: save_interval(self.options.save_every).filter(|_| self.saver.is_some()),
         };
         let mut training_loop = TrainingLoop::resume(schedule, &self.setup.trainer);
         self.report_limits();
@@ -221,8 +223,7 @@ impl HeadlessRun<'_> {
                 TrainingEvent::Ended(reason) => return Ok(reason),
                 TrainingEvent::Recovery(recovery) => report_recovery(recovery)?,
                 TrainingEvent::Warned => {
-                    let warnings = trainer.take_warnings();
-                    warnings.iter().try_for_each(|text| warn(trainer, text))?;
+                    trainer.take_warnings().iter().try_for_each(|text| warn(trainer, text))?;
                 }
                 TrainingEvent::Progress => {
                     print(&Record::progress(trainer, self.progress.seconds_left(trainer)))?;
@@ -344,8 +345,8 @@ pub fn evaluate(
     let work = move |job: &Job| evaluation.evaluate(per_group, job);
     let evaluated = run_interruptibly("evaluation", termination, work)?;
     let evaluated = evaluated.filter(|done| !matches!(done, Err(EnvError::Stopped)));
-    if let Some(Ok(evaluation)) =
-        evaluated.as_ref().filter(|done| done.as_ref().is_ok_and(Evaluation::is_finite))
+    if let Some(Ok(evaluation)) = &evaluated
+        && evaluation.is_finite()
     {
         let made = trainer.moment();
         let latest = trainer.history().evaluations().last();
@@ -369,10 +370,8 @@ fn run_interruptibly<T: Send + 'static>(
             return Ok(None);
         }
     }
-    running.join().map(Some).map_err(|_| {
-        let help = logging::hint();
-        miette!(help = help, "an internal error ended the {name} thread")
-    })
+    let failed = |_| miette!(help = logging::hint(), "an internal error ended the {name} thread");
+    running.join().map(Some).map_err(failed)
 }
 
 fn updates_per_second(trainer: &Trainer) -> f64 {

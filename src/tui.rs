@@ -71,6 +71,7 @@ use gdg::map::Reading;
 use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
+pub use lists::ignores;
 pub use runs::{Opened, Opener, RunsScreen, Wish};
 use session::Session;
 pub use session::elsewhere::TrainedElsewhere;

@@ -101,7 +101,7 @@ const TIMEOUT: Duration = Duration::from_secs(4);
 fn closing_the_terminal_saves_the_run() {
     let folder = folder();
     let session = Session::start(folder.path(), &["trap"]);
-    session.wait_for("elapsed   0:00:03");
+    session.wait_for("elapsed    0:00:03");
     let mut child = session.close_terminal();
     let began = Instant::now();
     let status = loop {

@@ -393,6 +393,9 @@ fn jobs_with_another_goal_radius_are_others_and_with_options_of_maps_none() {
     let [own, near, far] =
         [&[][..], &["--goal-radius", "0.1"], &["--goal-radius", "0.2"]].map(list);
     assert!(own.0.contains("gymawkwardPoint-v0-gdg-bridge-seed1-"), "{own:?}");
+    let mut command = program(folder.path());
+    command.args(["suite", "gym:awkward:Point-v0", "--list", "--python"]).arg(python());
+    assert_eq!(String::from_utf8_lossy(&command.output().unwrap().stdout), own.0);
     assert!(own.0 != far.0 && near.0 != far.0, "{own:?} {near:?} {far:?}");
     assert!(list(&["--cell", "2"]).1.contains("--cell applies only to maps"));
 }

@@ -55,7 +55,7 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     let done = plot(folder.path(), &[&[".", "--width", "84mm"], &out[..]].concat());
     done.success();
     assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
-    has_parts(&done.err, &["mean of 1 to 2 seeds", "gdg-bridge with plans, her the actor alone"]);
+    has_parts(&done.err, &["mean of 1 to 2 seeds", "planned: gdg-bridge; alone: her"]);
     let table = rows(&folder.path().join("fig.csv"));
     assert_eq!(table[0], ["chart", "curve", "seed", "updates", "success", "low", "high"]);
     assert!(
@@ -238,7 +238,7 @@ fn what_cannot_be_drawn_is_named() {
         (&["bad.jsonl"], &["bad.jsonl:2:", "not a record"]),
         (&["late.jsonl"], &["late.jsonl:1:1: an evaluation before any start record"]),
         (&["map.txt"], &["map.txt:1:1: not a record"]),
-        (&["her.jsonl", "--y", "error"], &["none of these runs (her) has a relative error of D"]),
+        (&["her.jsonl", "--y", "error"], &["not known of these runs (her): error of D"]),
         (&["her.jsonl", "--y", "sucess"], &["'success'"]),
         (&["her.jsonl", "--width", "3"], &["from 40 to 1000"]),
         (&["her.jsonl", "--out", "f.jpg"], &["f.jpg: not a figure", ".svg, .png or .pdf"]),

@@ -372,12 +372,12 @@ fn ogbench_is_learned_from_files_and_stands_beside_published_results() {
     );
     assert!(!report.contains("the city"), "the text about the paper's maps");
     let table = String::from_utf8(place.files("out/data").remove("ogbench.csv").unwrap()).unwrap();
-    for measure in ["planned", "actor alone"] {
+    for measure in ["planned", "alone"] {
         let line = |line: &&str| line.starts_with(&format!("{measure},")) && line.contains(",1,2,");
         assert_eq!(table.lines().filter(line).count(), 8, "after two updates: {table}");
     }
     let drawn = std::fs::read_to_string(place.path("out/figures/ogbench.svg")).unwrap();
-    has_parts(&drawn, &["success rate, planned", "success rate, actor alone"]);
+    has_parts(&drawn, &["success rate, planned", "success rate, alone"]);
     // Another file in place of one is another job.
     let again = place.run(&args);
     has_parts(&again.err, &["8 jobs done, 0 to run"]);

@@ -46,7 +46,7 @@ fn a_maze_of_another_program_is_opened_and_trained_on() {
     let mut session = Session::start(folder.path(), &args);
     session.wait_for("training");
     assert!(session.screen_text().contains("umaze"), "{}", session.screen_text());
-    session.press_for("3", "to G      6.5, 14.5");
+    session.press_for("3", "to G       6.5, 14.5");
     // Between the goal and the start is a wall, which can be opened.
     session.press_for("e", "EDIT");
     session.press_for("kkk2\r", "1 cell opened");
@@ -58,7 +58,7 @@ fn a_maze_of_another_program_is_opened_and_trained_on() {
     let mut again =
         Session::start(folder.path(), &["--resume", "saves/umaze-gdg-bridge-seed2.safetensors"]);
     again.wait_for("training");
-    again.press_for("3", "to G      6.5, 14.5");
+    again.press_for("3", "to G       6.5, 14.5");
     assert_eq!(again.quit(), 0);
 }
 
@@ -86,8 +86,8 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.wait_for("Tab panes");
     session.press(" ");
     // Move the goal two cells left of the map's; the agent reaches it repeatedly.
-    session.press_for("3hh", "to G      10.5, 4.5");
-    for arrivals in ["arrivals  1 of", "arrivals  2 of"] {
+    session.press_for("3hh", "to G       10.5, 4.5");
+    for arrivals in ["arrivals   1 of", "arrivals   2 of"] {
         session.wait_for(arrivals);
     }
     session.press_for("s", "saved saves/rooms-gdg-bridge-seed3.safetensors");

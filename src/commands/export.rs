@@ -33,10 +33,8 @@ fn export(
         ".npz" => refuse_other_kind(&path, "recorded transitions", |at| at.starts_with(b"PK"))?,
         _ => refuse_other_kind(&path, "a policy", |start| start.get(8) == Some(&b'{'))?,
     }
-    let reading = Waiting::on("reading the checkpoint");
     let registry = registry.clone().only_reading();
-    let loaded = load_with(checkpoint, &registry, 1, &reading);
-    drop(reading);
+    let loaded = load_with(checkpoint, &registry, 1, &Waiting::on("reading the checkpoint"));
     let trainer = loaded.map_err(from_checkpoint_error)?;
     refuse_input("--out", &path, trainer.data().map(|data| data.file.as_path()).into_iter())?;
     prepare_file(&path, &encode(&trainer)?)?()
@@ -61,6 +59,8 @@ pub fn data(args: &ExportArgs, registry: &Arc<Registry>) -> Result<String, Repor
 
 pub fn policy(args: &ExportPolicyArgs, registry: &Arc<Registry>) -> Result<String, Report> {
     export(&args.export, ".policy.safetensors", registry, |trainer| {
+        let (made, method) = (counted(trainer.counters().updates, "update"), &trainer.run().method);
+        eprint_line(&format!("{made} of {method}"));
         let writing = Waiting::on("writing the policy");
         writing.begin(0, 1);
         policy_file(trainer, args.plans, &writing).into_diagnostic()

@@ -13,12 +13,13 @@ use crate::setup::outputs::{refuse_existing, refuse_input, refuse_other_kind, sa
 use crate::setup::saves::{self, SAVES, recovered, resume_command};
 use crate::setup::values::EditAt;
 use crate::setup::{self, Setup, settings};
+use crate::tui::ignores;
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
 use gdg::map::{self, Grid, MapError, MapFormat, Reading};
 use gdg::text::{grouped, safe_file_name, sanitized};
-use gdg::train::{self, Edit, Limits, Registry, Settings, Trainer};
+use gdg::train::{self, Edit, Limits, Registry, Setting, Settings, Trainer};
 
 /// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or
 /// those of `args`. Says how far it is to `progress`.
@@ -94,6 +95,10 @@ pub fn prepare(
              saved to another name"
         ));
     }
+    let method = &trainer.run().method;
+    let given = args.run.set.iter().filter_map(|set| Setting::named(set.split_once('=')?.0.trim()));
+    let idle = given.filter(|setting| ignores(method, setting, registry));
+    warnings.extend(idle.map(|idle| format!("--set {}: changes nothing with {method}", idle.name)));
     warnings.extend(trainer.world().take_warnings());
     if let Some(path) = &args.scen {
         let maze =
@@ -292,13 +297,13 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
 /// Returns the registry with the goal radius of environments in Python, unless other options of maps
 /// are given for a world that is none.
 pub fn registry_of_suite(
-    suite::SuiteOptions { maps, reading, .. }: &suite::SuiteOptions,
+    suite::SuiteOptions { maps, reading, python, .. }: &suite::SuiteOptions,
     registry: &Arc<Registry>,
 ) -> Result<Arc<Registry>, Report> {
     let is_world = |name: &&PathBuf| registry.world_without_file(known_name(name)).is_some();
     let mut given = maps.iter().filter(is_world).flat_map(|name| reading.only_for_maps(name));
     let goal_radius = reading.goal_radius.map(|radius| radius as f32);
-    let options = GymOptions { goal_radius, ..GymOptions::default() };
+    let options = GymOptions { goal_radius, python: python.clone(), ..GymOptions::default() };
     given.next().map_or_else(|| Ok(registry.clone().with_gym(options)), |it| Err(not_a_maze(it)))
 }
 

@@ -19,7 +19,8 @@ use gdg::train::{Registry, print_settings};
 
 /// Trains, or prints what it would train with.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    let registry = &registry_for(args, registry);
+    let options = args.gym.options(args.reading.goal_radius);
+    let registry = &registry.clone().with_gym(options).with_data(args.data.clone());
     if args.print_config {
         let opening = Waiting::on(prepare::opening(args));
         let settings = prepare::settings_to_print(args, registry, &opening);
@@ -51,12 +52,6 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
     }
     let mut interface = tui::prepare(&args.interface).map_err(bad_input)?;
     Ok(tui::run(setup, None, &mut interface).map_err(failure)?.0)
-}
-
-/// Returns the registry with what is given of environments in Python and recorded data.
-pub fn registry_for(args: &TrainArgs, registry: &Arc<Registry>) -> Arc<Registry> {
-    let options = args.gym.options(args.reading.goal_radius);
-    registry.clone().with_gym(options).with_data(args.data.clone())
 }
 
 /// Returns why the interface cannot be shown, if it cannot.

@@ -296,10 +296,8 @@ impl Runner<'_> {
             Some(_lock) => self.run_locked(i),
             None => Ok(End::Elsewhere),
         };
-        let panicked = |_| {
-            let help = crate::process::logging::hint();
-            Err(miette!(help = help, "an internal error"))
-        };
+        let panicked =
+            |_| Err(miette!(help = crate::process::logging::hint(), "an internal error"));
         catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(panicked).unwrap_or_else(|error| {
             log::error!("{}: {error}", job.name);
             print_error(&error.wrap_err(format!("job {} failed", job.name)));

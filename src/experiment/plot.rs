@@ -99,14 +99,14 @@ pub enum By {
 /// A result of evaluations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Measure {
-    /// Success rate, with plans if the method plans
+    /// Success rate: planned if the method plans, otherwise alone
     #[default]
     #[value(alias = "planned")]
     Success,
     /// Success rate of the actor alone
     #[value(alias = "greedy")]
     Alone,
-    /// Relative error of D
+    /// Mean relative error of D
     Error,
     /// Share of the world explored
     #[value(alias = "coverage")]
@@ -149,9 +149,9 @@ impl Drawable for Measure {
     fn names(self) -> [&'static str; 2] {
         match self {
             Self::Success => ["success", "success rate"],
-            Self::Alone => ["alone", "success rate, actor alone"],
-            Self::Error => ["error", "relative error of D"],
-            Self::Explored => ["explored", "share explored"],
+            Self::Alone => ["alone", "success rate, alone"],
+            Self::Error => ["error", "error of D"],
+            Self::Explored => ["explored", "explored"],
         }
     }
 }
@@ -222,22 +222,15 @@ pub fn draw(runs: &[SavedRun], options: &PlotOptions) -> Result<DrawnPlot, Repor
 
 /// Returns what a caption must say of success: which methods have plans.
 fn of_plans(runs: &[SavedRun], y: Measure) -> String {
-    if y != Measure::Success {
-        return String::new();
-    }
-    let (mut with, mut alone) = (BTreeSet::new(), BTreeSet::new());
-    for run in runs {
-        let plans = run.evaluations.iter().any(|at| at.evaluation.planned.is_some());
-        (if plans { &mut with } else { &mut alone }).insert(&*run.method);
-    }
-    let list = |methods: BTreeSet<&str>| methods.into_iter().collect::<Vec<_>>().join(", ");
-    match (with.is_empty(), alone.is_empty()) {
-        (false, false) => {
-            format!("; {} with plans, {} the actor alone", list(with), list(alone))
-        }
-        (false, true) => "; with plans".to_owned(),
-        _ => "; the actor alone".to_owned(),
-    }
+    let has_plans =
+        |run: &SavedRun| run.evaluations.iter().any(|at| at.evaluation.planned.is_some());
+    let of = |(kind, plans)| {
+        let runs = runs.iter().filter(|run| y == Measure::Success && has_plans(run) == plans);
+        let methods: BTreeSet<&str> = runs.map(|run| &*run.method).collect();
+        let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
+        (!methods.is_empty()).then(|| format!("; {kind}: {methods}"))
+    };
+    [("planned", true), ("alone", false)].into_iter().filter_map(of).collect()
 }
 
 /// Reads runs, draws them and writes the files; returns a line for each.

@@ -19,7 +19,7 @@ const BRACKETS: &str = "the worst seed; in square ones: of how many seeds or map
 
 struct ReportColumn {
     title: &'static str,
-    digits: usize,
+    format: fn(f64) -> String,
     /// Whether it is shown on a terminal, too.
     matters: bool,
     of: fn(&JobResult) -> Option<f64>,
@@ -27,24 +27,28 @@ struct ReportColumn {
 
 const fn column(
     title: &'static str,
-    digits: usize,
+    format: fn(f64) -> String,
     matters: bool,
     of: fn(&JobResult) -> Option<f64>,
 ) -> ReportColumn {
-    ReportColumn { title, digits, matters, of }
+    ReportColumn { title, format, matters, of }
 }
 
+const RATE: fn(f64) -> String = |value| format!("{value:.2}");
+const SHARE: fn(f64) -> String = |value| format!("{:.0} %", 100.0 * value);
+const COUNT: fn(f64) -> String = |value| grouped(value.round() as u64);
+
 const COLUMNS: [ReportColumn; 10] = [
-    column("planned", 2, true, |r| r.last()?.planned.as_ref()?.success),
-    column("SPL", 2, false, |r| r.last()?.planned.as_ref()?.spl),
-    column("alone", 2, true, |r| r.last()?.greedy.success),
-    column("straight", 2, false, |r| r.last()?.straight.as_ref()?.success),
-    column("error of D", 2, true, |r| Some(r.last()?.distance_error?.mape)),
-    column("error near", 2, false, |r| Some(r.last()?.distance_error?.near_mape)),
-    column("error of graph", 2, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
-    column("false edges", 0, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
-    column("explored", 2, true, |r| r.last()?.coverage),
-    column("updates/s", 0, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
+    column("planned", RATE, true, |r| r.last()?.planned.as_ref()?.success),
+    column("SPL", RATE, false, |r| r.last()?.planned.as_ref()?.spl),
+    column("alone", RATE, true, |r| r.last()?.greedy.success),
+    column("straight", RATE, false, |r| r.last()?.straight.as_ref()?.success),
+    column("error of D", SHARE, true, |r| Some(r.last()?.distance_error?.mape)),
+    column("error near", SHARE, false, |r| Some(r.last()?.distance_error?.near_mape)),
+    column("error of graph", SHARE, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
+    column("false edges", COUNT, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
+    column("explored", SHARE, true, |r| r.last()?.coverage),
+    column("updates/s", COUNT, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
 ];
 
 /// One line: a map, a method with its settings, and the results of its seeds.
@@ -85,17 +89,15 @@ pub fn rows(jobs: &[JobSpec], folder: &Folder) -> (Vec<JobRow>, Vec<Report>) {
     let mut rows: Vec<JobRow> = Vec::new();
     for (i, result) in all.into_iter().enumerate() {
         let [method, map, setting] = &grouping.parts[i];
-        let gap = if setting.is_empty() { "" } else { ", " };
-        let label = format!("{method}{gap}{setting}");
+        let label = format!("{method}, {setting}").trim_end_matches(", ").to_owned();
         let is_of = |row: &JobRow| {
             (&row.map, &row.label, row.about.updates) == (map, &label, result.updates)
         };
         let at = rows.iter().position(is_of).unwrap_or_else(|| {
             let last = rows.iter().rposition(|row| row.map == *map);
             let at = last.map_or(rows.len(), |last| last + 1);
-            let (about, missing, results) = (result.clone(), Vec::new(), Vec::new());
-            let (map, label) = (map.clone(), label.clone());
-            rows.insert(at, JobRow { map, label, about, missing, results });
+            let (map, label, about) = (map.clone(), label.clone(), result.clone());
+            rows.insert(at, JobRow { map, label, about, missing: Vec::new(), results: Vec::new() });
             at
         });
         let row = &mut rows[at];
@@ -148,8 +150,8 @@ pub fn table(rows: &[JobRow], as_markdown: bool) -> String {
                     (!values.is_empty()).then(|| of(column, &values))
                 };
                 let values: Vec<f64> = own.iter().filter_map(of_map).collect();
-                let text = || of_some(column.format(of(column, &values)), values.len(), own.len());
-                if values.is_empty() { "-".to_owned() } else { text() }
+                let text = (column.format)(of(column, &values));
+                of_some(text, values.len(), own.len())
             });
             let updates = grouped(first.about.updates);
             let about = [format!("{name} of {}", own.len()), label.clone(), updates];
@@ -190,16 +192,11 @@ impl ReportColumn {
         values.iter().copied().reduce(worse).unwrap_or(f64::NAN)
     }
 
-    fn format(&self, value: f64) -> String {
-        format!("{value:.*}", self.digits)
-    }
-
     fn cell(&self, results: &[JobResult]) -> String {
         let values = self.values(results);
         let text = match &values[..] {
-            [] => return "-".to_owned(),
-            [value] => self.format(*value),
-            all => format!("{} ({})", self.format(mean(all)), self.format(self.worst(all))),
+            [value] => (self.format)(*value),
+            all => format!("{} ({})", (self.format)(mean(all)), (self.format)(self.worst(all))),
         };
         of_some(text, values.len(), results.len())
     }
@@ -207,7 +204,11 @@ impl ReportColumn {
 
 /// Adds how many seeds or maps a number is of, if not of all.
 fn of_some(text: String, found: usize, all: usize) -> String {
-    if found < all { format!("{text} [{found}]") } else { text }
+    match found {
+        0 => "-".to_owned(),
+        _ if found < all => format!("{text} [{found}]"),
+        _ => text,
+    }
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -220,7 +221,7 @@ pub fn report(rows: &[JobRow], folder: &Folder, caption: Option<&str>) -> String
     let mut out = format!("# Suite\n\n{}\n\n{}", about(rows), table(rows, true));
     out += "\nIn the pictures, colours show the learned distance D to the goal (red), light \
             near and dark far, with contour lines; from the start (orange), the plan is light red and \
-            the path walked orange.\n\nPlanned and alone are success rates with plans and of the actor \
+            the path walked orange.\n\nPlanned and alone are success rates along plans and by the actor \
             alone, straight that of walking straight at the goal; SPL is that of plans, weighted \
             by path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, \
             of D up to 10 steps, and of the distance along the graph. False edges join places that \
@@ -266,11 +267,10 @@ fn about(rows: &[JobRow]) -> String {
 
 fn section(result: &JobResult, folder: &Folder) -> String {
     let number = |column: &ReportColumn| {
-        Some(format!("{} {}", column.title, column.format((column.of)(result)?)))
+        Some(format!("{} {}", column.title, (column.format)((column.of)(result)?)))
     };
     let numbers = COLUMNS.iter().filter_map(number).collect::<Vec<_>>().join(", ");
-    let (seed, seconds) = (result.seed, result.seconds);
-    let text = format!("Seed {seed}: {numbers}; {seconds:.0} s.");
+    let text = format!("Seed {}: {numbers}; {:.0} s.", result.seed, result.seconds);
     let (name, picture) = (markdown(&result.name), picture_name(&result.name));
     if folder.path(&picture).is_file() { format!("![{name}]({picture})\n\n{text}") } else { text }
 }

@@ -33,6 +33,9 @@ pub use reader::{FoundRuns, RunReader, checkpoints_below};
 /// Records that have not grown for this long are not of a running run.
 const QUIET: Duration = Duration::from_mins(1);
 
+/// A file that has been empty for this long is no run that has just begun.
+const BEGINS: Duration = Duration::from_secs(10);
+
 /// Jobs save more often than this.
 const MOST_BETWEEN_SAVES: Duration = Duration::from_mins(15);
 
@@ -166,21 +169,17 @@ impl SavedRun {
         let is_within = |limit| self.written.is_some_and(|at| is_recent(at, limit));
         // The process of a job holds a file beside its checkpoint, which one that was killed leaves behind.
         let is_held = || self.source.with_extension("lock").is_file();
+        // Some times the time between two of its records.
+        let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
+        let pause = Duration::try_from_secs_f64(seconds).unwrap_or_default();
         let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
         match self.end {
             Some(_) if is_job && is_held() => RunState::Running,
             Some(end) => end,
-            None if is_within(QUIET.max(self.between_records())) || is_in_use(&self.source) => {
-                RunState::Running
-            }
+            None if self.method.is_empty() && !is_within(BEGINS) => RunState::CutOff,
+            None if is_within(QUIET.max(pause)) || is_in_use(&self.source) => RunState::Running,
             None => RunState::CutOff,
         }
-    }
-
-    /// Returns some times the time between two of its records.
-    fn between_records(&self) -> Duration {
-        let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
-        Duration::try_from_secs_f64(seconds).unwrap_or_default()
     }
 
     /// Returns its checkpoint if it is there: the one that it names, or the one beside its records.
@@ -278,18 +277,18 @@ pub struct RunColumn {
 pub const COLUMNS: [RunColumn; 9] = [
     text("map", |run| sanitized(&run.map)),
     text("method", |run| {
-        let variant = run.variant.as_ref().map_or(String::new(), |name| format!(" {name}"));
+        let variant = run.variant.as_ref().map_or(String::new(), |name| format!(", {name}"));
         sanitized(&format!("{}{variant}", run.method))
     }),
     // The first one first.
     number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
     number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
-    number("success", |run| rate(success(run)), success),
+    number("planned", |run| rate(planned(run)), planned),
     number("alone", |run| rate(greedy(run)), greedy),
     text("state", |run| run.state().name().to_owned()),
     number(
         "written",
-        |run| run.written.and_then(ago).unwrap_or_default(),
+        |run| run.written.and_then(ago).unwrap_or_else(|| "-".to_owned()),
         |run| run.written?.duration_since(UNIX_EPOCH).ok().map(|since| since.as_secs_f64()),
     ),
     text("file", |run| name(&run.source)),
@@ -310,8 +309,8 @@ const fn number(
     RunColumn { name, cell, number: Some(number) }
 }
 
-fn success(run: &SavedRun) -> Option<f64> {
-    run.of_last(Evaluation::success_rate)
+fn planned(run: &SavedRun) -> Option<f64> {
+    run.of_last(|last| last.planned.as_ref()?.success)
 }
 
 fn greedy(run: &SavedRun) -> Option<f64> {
@@ -335,11 +334,14 @@ impl RunColumn {
     }
 }
 
-/// The table of runs, the newest first, with the paths of their files.
+/// The table of runs, the newest first, with the settings in which they differ.
 pub fn table(mut runs: Vec<Arc<SavedRun>>) -> String {
     runs.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
+    let is_common = |set: &String| runs.iter().all(|run| run.settings.contains(set));
     let row = |run: &Arc<SavedRun>| {
         let mut cells = COLUMNS.each_ref().map(|column| (column.cell)(run));
+        let own = run.settings.iter().filter(|set| !is_common(set));
+        own.for_each(|set| cells[1] += &format!(", {}", sanitized(set)));
         cells[COLUMNS.len() - 1] = sanitized(&run.source.to_string_lossy());
         cells.to_vec()
     };

@@ -29,7 +29,7 @@ use gdg::train::{METHODS, Method, Registry};
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui suite maps/ --seeds 3              every map; run again to resume
-  gdg-tui suite fourrooms city my.map --budget 20000 --set hidden=128
+  gdg-tui suite fourrooms city my.map --max-updates 20000 --set hidden=128
   gdg-tui suite my.map --seeds 3 --method gdg-bridge --method her
   gdg-tui suite my.map --sweep hidden=32,64 --sweep tau=0.01,0.1    all four
   gdg-tui suite my.map --set small:hidden=32    a variant called small as well
@@ -51,14 +51,14 @@ pub struct SuiteOptions {
     #[arg(value_name = "FOLDER|MAP", required = true)]
     pub maps: Vec<PathBuf>,
 
-    /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
-    #[arg(
-        long,
-        visible_alias = "max-updates",
-        value_name = "N",
-        value_parser = counts::<u64>(1..=1 << 53)
-    )]
+    /// Updates of every run [default: 60,000 up to 6,000 free cells, 200,000 up to 50,000, 600,000
+    /// beyond]
+    #[arg(long = "max-updates", alias = "budget", value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub budget: Option<u64>,
+
+    /// Python interpreter of gym:ID [default: that of the active virtual environment, else python3]
+    #[arg(long, value_name = "PATH")]
+    pub python: Option<PathBuf>,
 
     /// Runs per map, with seeds 1, 2, ...
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = counts::<u64>(1..=1000))]
@@ -330,7 +330,7 @@ mod tests {
             .map(|line| line.split_whitespace().collect::<Vec<_>>().join(" "))
             .collect();
         assert!(lines[1].starts_with("hall (2 of 3 seeds) gdg-bridge 9 - 0.75 (0.50)"), "{shown}");
-        assert_eq!(lines[2], "trap gdg-bridge 9 - 0.50 (0.50) - 0.50 [1] -", "of one seed");
+        assert_eq!(lines[2], "trap gdg-bridge 9 - 0.50 (0.50) - 50 % [1] -", "of one seed");
         assert!(shown.ends_with("if not of all.\n"), "it says what brackets are: {shown}");
         assert!(lines[3].starts_with("mean of 2 gdg-bridge 9 - 0.62"), "each map once: {shown}");
 

@@ -7,6 +7,7 @@ use indicatif::ProgressBar;
 use super::updates_per_second;
 use crate::process::waiting::{duration, progress_bar};
 use gdg::job::Stopwatch;
+use gdg::text::counted;
 use gdg::train::{Limits, Trainer};
 
 /// Parts that the bar is divided into.
@@ -62,8 +63,8 @@ impl RunProgress {
         let left = self.seconds_left(trainer);
         let share = left.map_or(0.0, |left| seconds / (seconds + left));
         let left = left.map_or(String::new(), |left| format!("  {} left", duration(left)));
-        let rate = updates_per_second(trainer);
-        self.bar.set_message(format!("{updates} updates, {rate:.0}/s{left}"));
+        let (done, rate) = (counted(updates, "update"), updates_per_second(trainer));
+        self.bar.set_message(format!("{done}, {rate:.0}/s{left}"));
         self.bar.set_position((BAR_PARTS * share) as u64);
     }
 

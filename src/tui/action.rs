@@ -63,7 +63,6 @@ pub enum Action {
     Redraw,
     Suspend,
     Quit,
-    NextLarger,
     Axis,
     List(ListAction),
 }

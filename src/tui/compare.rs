@@ -27,8 +27,8 @@ use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::lists;
 use super::log::{Log, Notice};
-use super::scene::MazeState;
 use super::scene::maze::place_walker;
+use super::scene::{MazeState, legend};
 use super::session::{Session, watching};
 use crate::experiment::plot::XAxis;
 pub use contenders::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
@@ -43,9 +43,6 @@ pub const LETTERS: [char; 2] = ['A', 'B'];
 /// The pause after an evaluation, as a multiple of its duration.
 const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
-/// The success of one of both at which races begin anew.
-const WORTH_WATCHING: f64 = 0.8;
-
 /// What is known of a side besides its session.
 struct Side {
     /// Letter, method, preset, and settings of this side alone.
@@ -59,7 +56,6 @@ pub struct Comparison {
     sides: [Side; 2],
     race: Race,
     pub axis: XAxis,
-    larger: Option<usize>,
     mouse_on: usize,
     /// The side that holds the editor of the map.
     editor_at: usize,
@@ -111,7 +107,6 @@ impl Comparison {
             race,
             // What a method is allowed to experience.
             axis: XAxis::default(),
-            larger: None,
             mouse_on: 0,
             editor_at: 0,
             lags: false,
@@ -185,7 +180,9 @@ impl Comparison {
     /// Processes what the viewer of a side has published; the same
     /// distance has the same colour on both sides.
     pub fn follow(&mut self, own: usize, view: &View) {
-        self.race.observe(own, view);
+        let session = &self.sessions[own];
+        let ghost = view.reach.ghost.as_ref().filter(|_| !session.screen.run().method.plans());
+        self.race.observe(own, view, ghost.is_some_and(legend::stands));
         let farthest = self.sessions.iter().map(|session| session.scene.own_farthest());
         let farthest = farthest.fold(1.0, f32::max);
         self.sessions.iter_mut().for_each(|session| session.screen.least_farthest = farthest);
@@ -200,10 +197,9 @@ impl Comparison {
         if self.lags {
             self.share_edit();
         }
-        let shown = self.sessions.iter().map(|session| &session.screen.snapshot.evaluations);
-        let rates = shown.filter_map(|all| all.last()?.1.success_rate());
-        if !self.race.is_on && rates.fold(0.0, f64::max) >= WORTH_WATCHING {
-            (self.race.is_on, self.race.results) = (true, Default::default());
+        let has_plan = self.sessions.iter().any(|own| maze_of(own).view.reach.path.len() > 1);
+        if has_plan && !self.race.is_planned {
+            (self.race.is_planned, self.race.results) = (true, Default::default());
             self.start_race(self.race.start, self.race.goal);
         } else if let Some((start, goal)) = self.race.next_round() {
             self.start_race(start, goal);
@@ -310,11 +306,6 @@ impl Comparison {
     pub fn next_on_arrival(&mut self, _: Action) {
         self.race.on_arrival = self.race.on_arrival.next();
         self.notify(&format!("at the goal both @ will {}", self.race.on_arrival.name()));
-    }
-
-    pub fn next_larger(&mut self, _: Action) {
-        let next = self.larger.map_or(0, |side| side + 1);
-        self.larger = Some(next).filter(|next| *next < LETTERS.len());
     }
 
     pub fn open_help(&mut self, _: Action) {

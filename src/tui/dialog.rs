@@ -128,7 +128,7 @@ pub struct Prompt {
     pub question: Question,
     typed: Input,
     /// The initial answer has not been edited: typing replaces it.
-    untouched: bool,
+    pub untouched: bool,
 }
 
 impl Prompt {
@@ -150,10 +150,6 @@ impl Prompt {
 
     pub fn typed(&self) -> (&str, usize) {
         (self.typed.value(), cursor_column(&self.typed))
-    }
-
-    pub fn is_untouched(&self) -> bool {
-        self.untouched && !self.typed.value().is_empty()
     }
 
     pub fn on_key(&mut self, key: KeyEvent) {

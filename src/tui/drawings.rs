@@ -5,7 +5,7 @@ use std::path::Path;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::{Buffer, Cell};
-use ratatui::layout::Rect;
+use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Modifier;
 
 use super::characters::QUADRANTS;
@@ -115,8 +115,27 @@ fn on_paper(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
     let drawn = terminal.draw(|frame| {
         area = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
     });
-    let drawn = drawn.map_err(std::io::Error::other)?.buffer.clone();
-    Ok((drawn.clone(), area.intersection(drawn.area)))
+    let mut drawn = drawn.map_err(std::io::Error::other)?.buffer.clone();
+    let area = without_margins(&mut drawn, area);
+    Ok((drawn, area))
+}
+
+/// Moves the line below the map to it; returns the area of both without what is blank around them.
+fn without_margins(drawn: &mut Buffer, area: Rect) -> Rect {
+    let area = area.intersection(drawn.area);
+    let used = |area: Rect| {
+        let used = area.positions().filter(|at| drawn[*at] != Cell::default());
+        used.map(|at| Rect::new(at.x, at.y, 1, 1)).reduce(Rect::union).unwrap_or_default()
+    };
+    let [map, line] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
+    let [map, line] = [used(map), used(line).union(Rect { width: 1, ..line })];
+    let text: Vec<Cell> = line.positions().map(|at| drawn[at].clone()).collect();
+    let x = map.x.min(area.right().saturating_sub(line.width));
+    for (i, cell) in text.into_iter().enumerate() {
+        drawn[(x + i as u16, map.bottom())] = cell;
+    }
+    let width = (map.right() - x).max(line.width);
+    if map.is_empty() { map } else { Rect { x, y: map.y, width, height: map.height + 1 } }
 }
 
 /// Size of a character, size of letters, and their baseline below the top of a character, in points.

@@ -41,13 +41,16 @@ impl Keymap {
         let (changed, own): (Vec<_>, Vec<_>) =
             bindings().partition(|b| changes.contains_key(b.name));
         for binding in own.into_iter().chain(changed) {
+            let is_beside = |other: &Binding| {
+                Mode::ALL.into_iter().any(|mode| binding.is_active(mode) && other.is_active(mode))
+            };
             let own = || binding.keys.iter().map(|k| (*k).to_owned()).collect();
             for key in changes.get(binding.name).cloned().unwrap_or_else(own) {
                 let Some(pressed) = parse(&key).map(normalised) else {
                     let help = "keys are written \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"";
                     return Err(fail(binding.name, format!("{key:?} is not a key"), help));
                 };
-                match keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding)) {
+                match keymap.keys.iter().find(|(k, b)| *k == pressed && is_beside(b)) {
                     None => keymap.keys.push((pressed, binding)),
                     Some((_, other)) if other.name == binding.name => {}
                     Some((_, other)) => {
@@ -119,11 +122,6 @@ impl Binding {
             | (Mode::EditingBoth, Some(Mode::Editing)) => !matches!(self.both, Both::Refused),
             (mode, when) => when == Some(mode),
         }
-    }
-
-    /// Returns whether it and `other` must not share a key.
-    pub fn excludes(&self, other: &Self) -> bool {
-        Mode::ALL.into_iter().any(|mode| self.is_active(mode) && other.is_active(mode))
     }
 }
 
@@ -237,7 +235,7 @@ mod tests {
             ("pause", "q", "quit"),
             ("pause", "1", "training"),
             // Both are used in comparisons.
-            ("next-larger", "v", "next-field"),
+            ("axis", "v", "next-field"),
         ] {
             let error = keymap(&[(name, &[key])]).expect_err("a mistake");
             assert!(error.problem.contains(said) || error.help.contains(said), "{error:?}");

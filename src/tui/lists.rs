@@ -22,7 +22,7 @@ use gdg::env::WorldKind;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
 use gdg::text::{fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, LogEntry, METHODS, Method, NamedMethod, Preset, Registry, RunDescription,
+    CheckpointError, LogEntry, METHODS, Method, NamedMethod, Preset, Registry, Run, RunDescription,
     SETTINGS, Setting, USUAL, about_setting, list_settings,
 };
 use gdg::viewer::Field;
@@ -171,23 +171,37 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
     let mut items: Vec<Item> = all
         .map(|(setting, ((_, now), (_, default)))| Item {
             marked: screen.changed_settings.contains(setting.name),
-            ..setting_item(setting, &now, &default, run.preset)
+            ..setting_item(setting, &now, &default, screen)
         })
         .collect();
     items.sort_by_key(|item| item.group != USUAL);
     items
 }
 
+/// Settings of plans, of D as it is learned, and of learning from rewards.
+const OF_PLANS: &str = "graph_bounds actor_waypoints distillation short_pairs imagined_walks hop_steps \
+                        bridge_epsilon planned_episodes frontier_epsilon open_loop progress_check lookahead";
+const OF_D: &str = "distance_scale_steps n_step pessimism expectile greedy_targets model_check \
+                    hindsight_bound unblock_actor max_distance_steps loss";
+const OF_REWARDS: &str = "actor_l2 discount target_noise";
+
+/// Whether a setting changes nothing in runs of `method`.
+pub fn ignores(method: &Method, setting: &Setting, registry: &Registry) -> bool {
+    let of = |names: &str| names.split_whitespace().any(|name| name == setting.name);
+    let rewarded = registry.learner(&method.learner).map(|kind| kind.is_rewarded);
+    !method.plans() && (setting.group == "bridges" || of(OF_PLANS))
+        || rewarded.is_ok_and(|is| of(if is { OF_D } else { OF_REWARDS }))
+}
+
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
-fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
-    let Setting { name, about, .. } = setting;
-    let of = if preset == Preset::Default {
-        String::new()
-    } else {
-        format!(" in the preset {}", preset.name())
-    };
+fn setting_item(setting: &Setting, now: &str, default: &str, screen: &Screen) -> Item {
+    let (Setting { name, about, .. }, Run { method, preset, .. }) = (setting, screen.run());
+    let of = (*preset != Preset::Default).then(|| format!(" in the preset {}", preset.name()));
+    let of = of.unwrap_or_default();
+    let is_idle = ignores(method, setting, &screen.snapshot.registry);
+    let idle = if is_idle { format!("unused by {method}: ") } else { String::new() };
     let below = about_setting(setting, &format!("Now {now}; {default} by default{of}"));
-    let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
+    let detail = format!("{}  {idle}{about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
     Item { below, ..Item::new(*name, detail, choice).within(setting.heading()) }
 }
@@ -341,11 +355,7 @@ pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
 }
 
 fn about(d: &RunDescription, zone: &TimeZone) -> String {
-    let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
-        (Some(planned), Some(greedy)) => format!("success {planned:.2}, alone {greedy:.2}"),
-        (_, Some(greedy)) => format!("success {greedy:.2}"),
-        (_, None) => "no tasks".to_owned(),
-    });
+    let success = d.success.map_or("not evaluated".to_owned(), |s| s.to_string());
     let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
     let date =
         written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());

@@ -69,10 +69,6 @@ impl Log {
         self.notice.take_if(|_| !self.is_error);
     }
 
-    pub fn dismiss_before(&mut self, moment: Instant) {
-        self.notice.take_if(|(since, _)| *since < moment);
-    }
-
     /// Handles the passing of time; returns whether the notice disappears.
     pub fn on_tick(&mut self) -> bool {
         let longest = if self.is_error { ERROR_DURATION } else { NOTICE_DURATION };

@@ -7,7 +7,7 @@ use crate::tui::theme::{BOLD, DIM};
 use gdg::text::{display_width, fitted, grouped};
 
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
-    Line::from(vec![Span::styled(format!(" {name:<10}"), DIM), Span::raw(value.to_string())])
+    Line::from(vec![Span::styled(format!(" {name:<11}"), DIM), Span::raw(value.to_string())])
 }
 
 /// Minimum width for explanations beside numbers, and the column in which they start.
@@ -31,12 +31,11 @@ pub fn heading(text: &str) -> Line<'static> {
     Line::styled(format!(" {text}"), BOLD)
 }
 
-/// Formats a number that is not negative in at most five characters: 950, 1,234, 12.3k, 4.56M.
+/// Formats a number that is not negative in at most nine characters: 950, 1,234,567, 12.3M.
 pub fn short(value: f64) -> String {
     match value {
-        v if v < 9_999.5 => grouped(v.round() as u64),
-        v if v < 1e6 => format!("{:.1}k", v / 1e3),
-        v => format!("{:.2}M", v / 1e6),
+        v if v < 9_999_999.5 => grouped(v.round() as u64),
+        v => format!("{:.1}M", v / 1e6),
     }
 }
 

@@ -33,7 +33,7 @@ pub const PATIENCE: Duration = Duration::from_millis(200);
 const SHOWN_AFTER: Duration = Duration::from_millis(500);
 
 /// How long a line over the map is shown.
-const BANNER_DURATION: Duration = Duration::from_secs(10);
+pub const BANNER_DURATION: Duration = Duration::from_secs(10);
 
 /// Everything that the screen shows around the scene, and how it shows the scene.
 pub struct Screen {
@@ -234,11 +234,6 @@ impl Screen {
 
     pub fn open(&mut self, dialog: impl Into<Dialog>) {
         self.dialogs.push(dialog.into());
-    }
-
-    /// Takes the line over the map away once it has been there for a while; returns whether it has.
-    pub fn drop_old_banner(&mut self) -> bool {
-        self.banner.take_if(|since| since.elapsed() > BANNER_DURATION).is_some()
     }
 
     /// Describes the phase in a word or two, where the trainer may still be `applying_edit`s.

@@ -31,7 +31,7 @@ use super::lists;
 use super::render;
 use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
-use super::screen::{PATIENCE, Screen};
+use super::screen::{BANNER_DURATION, PATIENCE, Screen};
 use disk::ShowResult;
 use elsewhere::TrainedElsewhere;
 use gdg::engine::{EngineLink, NextEvaluation, Phase, Snapshot};
@@ -230,7 +230,7 @@ impl Session {
     pub fn on_tick(&mut self) -> bool {
         let Self { cx, saver, guide, .. } = self;
         saver.on_tick(cx);
-        let dropped = cx.screen.drop_old_banner();
+        let dropped = cx.screen.banner.take_if(|since| since.elapsed() > BANNER_DURATION).is_some();
         let tour_changed = guide.on_tick(cx);
         let log_changed = cx.screen.log.on_tick();
         let read = disk::on_tick(cx);
@@ -294,7 +294,10 @@ impl Session {
         }
         match &latest.phase {
             Phase::Failed(error) if before.phase != latest.phase => {
-                saver.on_training_failed(error, &mut cx.screen);
+                cx.screen.report(&format!("training stopped: {error}"));
+                if !saver.has_failed {
+                    saver.show_failure("training has stopped", error, &mut cx.screen);
+                }
             }
             Phase::Done if before.phase.is_training() => {
                 let key = cx.screen.keymap.key_of(Action::TogglePause);
@@ -346,7 +349,7 @@ fn log_evaluation(screen: &mut Screen) {
     let Some((updates, e)) = snapshot.evaluations.last() else { return };
     let updates = snapshot.learned(*updates);
     let error =
-        e.distance_error.map_or(String::new(), |e| format!(", D off by {:.0} %", 100.0 * e.mape));
+        e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
     // Training goes on while tasks are walked.
     let at = if updates == snapshot.updates() {
         String::new()

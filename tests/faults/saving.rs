@@ -395,7 +395,7 @@ fn a_map_with_a_long_name_is_saved_by_interface_autosave_and_hangup() {
     std::fs::remove_dir_all(folder.path().join("saves")).unwrap();
     std::fs::remove_dir_all(folder.path().join("gdg-tui")).unwrap();
     let session = Session::start(folder.path(), &[&map]);
-    session.wait_for("elapsed   0:00:03");
+    session.wait_for("elapsed    0:00:03");
     let mut child = session.close_terminal();
     assert_eq!(child.wait().unwrap().exit_code(), 129);
     assert_eq!(found(folder.path()), saved);

@@ -39,7 +39,7 @@ const PROGRAM: [Room; 8] = [
     ("setup", 861),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_670),
+    ("experiment", 5_663),
     ("tui", 19_230),
     ("cli", 601),
     ("commands", 1_001),

@@ -102,7 +102,7 @@ fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<FigurePanel> {
             training("planned", "success rate, planned", Some(1.0), |e| {
                 e.planned.as_ref()?.success
             }),
-            training("actor alone", "success rate, actor alone", Some(1.0), |e| e.greedy.success),
+            training("alone", "success rate, alone", Some(1.0), |e| e.greedy.success),
         ],
         Shows::Bridge | Shows::Paths => Vec::new(),
     }

@@ -197,7 +197,7 @@ pub fn lines(
         let (y, methods) = (options.y.label(), runs.iter().map(|run| run.method.as_str()));
         let methods: BTreeSet<&str> = methods.collect();
         let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
-        return Err(miette!(help = help, "none of these runs ({methods}) has a {y}"));
+        return Err(miette!(help = help, "not known of these runs ({methods}): {y}"));
     }
     for line in &lines {
         let ends = line.seeds.iter().filter_map(|(seed, points)| Some((points.last()?.0, seed)));

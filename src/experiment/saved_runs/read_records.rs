@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::join::merged;
 use super::{
-    HELP, QUIET, RunState, SavedRun, Stamp, UNKNOWN, checksum, facts, is_recent, stamp, unreadable,
+    BEGINS, HELP, RunState, SavedRun, Stamp, UNKNOWN, checksum, facts, is_recent, stamp, unreadable,
 };
 use crate::experiment::spec::setting_text;
 use crate::headless::records::{Progress, Record, Start};
@@ -134,7 +134,7 @@ impl RecordsReader {
         let Some(run) = self.runs.first_mut() else {
             // A run that has just begun tells nothing yet.
             let is_new =
-                |(at, bytes): Stamp| bytes == 0 && at.is_some_and(|at| is_recent(at, QUIET));
+                |(at, bytes): Stamp| bytes == 0 && at.is_some_and(|at| is_recent(at, BEGINS));
             if stamp(&path).is_some_and(is_new) {
                 return Ok(vec![SavedRun { source: path, ..SavedRun::default() }]);
             }

@@ -104,7 +104,7 @@ impl Binding {
         (self.run)(session, self.action);
         if session.screen.dialogs.len() > dialogs {
             // An error that was there before says nothing about the new dialog.
-            session.screen.log.dismiss_before(began);
+            session.screen.log.notice.take_if(|(since, _)| *since < began);
         }
     }
 
@@ -398,17 +398,13 @@ const PROGRAM: &[Binding] = &[
         .in_lists(),
 ];
 
-const COMPARISON: &[Binding] = &[
-    beside(A::Axis, "axis", &[], |comparison, _| comparison.axis = comparison.axis.next())
-        .help("curves over updates, environment steps or seconds (or click on their title)"),
-    beside(A::NextLarger, "next-larger", &["tab"], Comparison::next_larger)
-        .help("left or right side larger, or both equal")
-        .short("size"),
-];
+const COMPARISON: &[Binding] = &[bind(A::Axis, "axis", &[], |_, _| {})
+    .within(Mode::Comparing)
+    .own(|comparison, _| comparison.axis = comparison.axis.next())
+    .help(OVER)];
 
-const fn beside(action: A, name: &'static str, keys: Keys, act: fn(&mut Comparison, A)) -> Binding {
-    bind(action, name, keys, |_, _| {}).within(Mode::Comparing).own(act)
-}
+/// What the curves of comparisons and lists are drawn over.
+const OVER: &str = "curves over updates, environment steps or seconds (or click on their title)";
 
 const RUNS: &[Binding] = &[
     on_runs(ListAction::Mark, "mark-run", &["space"]).short("mark").help(
@@ -423,10 +419,10 @@ const RUNS: &[Binding] = &[
          show side by side what they have learned",
     ),
     on_runs(ListAction::Measure, "runs-curves", &["v"]).short("view").help(
-        "curves of the next quantity: success, that of the actor alone, how far D is off, explored",
+        "curves of the next quantity: success, alone, error of D, explored",
     ),
     on_runs(ListAction::Axis, "runs-axis", &[])
-        .help("curves over updates, environment steps or seconds (or click on their title)"),
+        .help(OVER),
     on_runs(ListAction::Sort(true), "sort-runs", &["right", "l"])
         .short("sort")
         .help("sort by the next column (or click on its name; again reverses)"),

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use gdg::viewer::{OnArrival, View};
 
-const REST: Duration = Duration::from_millis(1500);
+const REST: Duration = Duration::from_secs(2);
 
 /// Step limit of a race, as a multiple of the shortest path, and its minimum.
 const MAX_DETOUR: u32 = 4;
@@ -26,8 +26,8 @@ pub struct Race {
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
     over: Option<Instant>,
-    /// Whether one of both reaches most goals: then races begin anew, as there was little to see.
-    pub is_on: bool,
+    /// Whether one of both has had a plan: then races begin anew, as there was little to see.
+    pub is_planned: bool,
     /// Races that each side has finished at the goal, and all that are over.
     pub results: ([u32; 2], u32),
     /// Separate, so that training does not depend on the display.
@@ -44,7 +44,7 @@ impl Race {
             requests: [0; 2],
             arrived: [None; 2],
             over: None,
-            is_on: false,
+            is_planned: false,
             results: ([0; 2], 0),
             rng: ChaCha8Rng::seed_from_u64(seed),
         }
@@ -60,13 +60,16 @@ impl Race {
         (self.arrived, self.over) = ([None; 2], None);
     }
 
-    pub fn observe(&mut self, side: usize, view: &View) {
+    /// Takes note of a walk; of one that `stands` still, nothing more is expected once the other has
+    /// arrived.
+    pub fn observe(&mut self, side: usize, view: &View, stands: bool) {
         let walk = &view.reach;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
             return;
         }
         let most = walk.shortest.map_or(u32::MAX, |shortest| MAX_DETOUR * shortest).max(MIN_STEPS);
-        if walk.arrived || walk.gave_up || walk.steps >= most {
+        let is_lost = stands && self.arrived[1 - side] == Some(true);
+        if walk.arrived || walk.gave_up || walk.steps >= most || is_lost {
             self.arrived[side] = Some(walk.arrived);
         }
         if let [Some(a), Some(b)] = self.arrived {
@@ -124,11 +127,14 @@ mod tests {
         assert!(start.x < 4, "a path leads to the goal");
         race.begin(start, goal, [7, 8]);
         let arrived = Reach { arrived: true, shortest: Some(3), ..Reach::default() };
-        race.observe(0, &view(6, &arrived));
+        race.observe(0, &view(6, &arrived), false);
         assert_eq!(race.arrived, [None; 2], "an earlier race");
-        race.observe(0, &view(7, &arrived));
+        race.observe(0, &view(7, &arrived), false);
         assert_eq!((race.results, race.over), (([0, 0], 0), None), "the other one still walks");
-        race.observe(1, &view(8, &Reach { steps: MIN_STEPS, arrived: false, ..arrived }));
+        let walks = Reach { steps: MIN_STEPS - 1, arrived: false, ..arrived };
+        race.observe(1, &view(8, &walks), false);
+        assert_eq!(race.results.1, 0, "it may still arrive");
+        race.observe(1, &view(8, &walks), true);
         assert_eq!(race.results, ([1, 0], 1));
         assert!(race.next_round().is_none(), "they rest");
         race.over = race.over.and_then(|at| at.checked_sub(REST));

@@ -34,7 +34,7 @@ use crate::tui::session::{Cx, Session};
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
-use gdg::train::Evaluation;
+use gdg::train::{Evaluation, SuccessSummary};
 
 /// The smallest screen with room for everything, in columns and rows.
 pub const MIN_SIZE: (u16, u16) = (60, 18);
@@ -59,11 +59,9 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     ])
     .areas(area);
     header(frame, head, comparison, &mut layout);
-    // The larger side is twice as wide; others show their maps in the same size.
-    let share = |side| Constraint::Fill(if comparison.larger == Some(side) { 2 } else { 1 });
-    let gap = 1 + u16::from(comparison.larger.is_none() && body.width.is_multiple_of(2));
-    let [left, line, right] =
-        Layout::horizontal([share(0), Constraint::Length(gap), share(1)]).areas(body);
+    // Both show their maps in the same size.
+    let (half, gap) = (Constraint::Fill(1), 1 + u16::from(body.width.is_multiple_of(2)));
+    let [left, line, right] = Layout::horizontal([half, Constraint::Length(gap), half]).areas(body);
     frame.render_widget(Block::new().borders(Borders::LEFT), line);
     let areas = [left, right];
     let facts = [0, 1].map(|own| facts(comparison, own, areas[own].width));
@@ -79,7 +77,6 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
             Constraint::Length(most as u16),
         ])
         .areas(areas[own]);
-        layout.add(title, Click::Act(Action::NextLarger));
         draw_title(frame, title, comparison, own);
         let text = comparison.sides[own].about.as_deref().unwrap_or_default();
         let text = fitted(&format!(" {text}"), usize::from(about.width));
@@ -99,6 +96,10 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     draw_curves(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
     let Cx { screen, .. } = &comparison.sessions[0].cx;
+    if let Some(notice) = comparison.notice() {
+        let foot = Rect { y: drawn[0].map_pane.bottom(), ..foot };
+        bars::draw_notice(frame, foot, &screen.theme, notice);
+    }
     draw_dialog(frame, screen, &mut drawn[0]);
     finish_frame(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
@@ -164,8 +165,7 @@ fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize
     frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
 }
 
-/// Draws the actions that there are on either side and their keys, or the tools of the editor, and a
-/// notice above them.
+/// Draws the actions that there are on either side and their keys, or the tools of the editor.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let [first, a, b] =
         [training_side(comparison), &comparison.sessions[0], &comparison.sessions[1]]
@@ -177,9 +177,6 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
         bars::keys(&[first, a, b], Mode::Comparing, area.width, false)
     }
     .draw(frame, area, layout);
-    if let Some(notice) = comparison.notice() {
-        bars::draw_notice(frame, area, &first.0.theme, notice);
-    }
 }
 
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
@@ -190,9 +187,8 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     let rate = |rate: f64| format!("{rate:.2}");
     let plans = session.screen.run().method.plans();
     // Unknown values are shown too, so that what follows does not move.
-    let alone = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
-    let planned = success
-        .map_or_else(unknown, |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
+    let [planned, alone] = [|s: SuccessSummary| s.planned, |s: SuccessSummary| s.greedy]
+        .map(|of| success.map_or_else(unknown, |s| of(s).map_or("no tasks".to_owned(), rate)));
     let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
     let error = error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape));
     let at = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
@@ -205,17 +201,22 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
     let raced = if races > 0 { format!("{arrived} of {races}") } else { unknown() };
     let counters = snapshot.counters;
+    let success = if plans {
+        ("planned", planned, format!(" (alone {alone})"))
+    } else {
+        ("alone", alone, String::new())
+    };
     let facts = [
         ("steps", short(counters.env_steps as f64), String::new()),
         ("updates", short(counters.updates as f64), format!(" ({}/s)", short(snapshot.rates.0))),
-        ("success", planned, if plans { format!(" (alone {alone})") } else { String::new() }),
+        success,
         ("races", raced, String::new()),
-        ("D off by", error, format!(" (update {at})")),
+        ("error of D", error, format!(" (at {at})")),
         (state, walk.steps.to_string(), shortest),
     ];
     let fact = |(name, value, aside): &(&str, String, String)| {
         let value =
-            Span::styled(value.clone(), if *name == "success" { BOLD } else { Style::new() });
+            Span::styled(value.clone(), if *name == facts[2].0 { BOLD } else { Style::new() });
         let name = Span::styled(format!(" {name} "), DIM);
         let mut line = Line::from(vec![name, value, Span::styled(aside.clone(), DIM)]);
         if line.width() > usize::from(width) {

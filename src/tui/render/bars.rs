@@ -170,7 +170,7 @@ const MAX_NOTICE_ROWS: usize = 4;
 /// Keys at the end of the line that are the last to be left out.
 const LAST_KEYS: [Action; 3] = [Action::Save, Action::Help, Action::Quit];
 
-/// Draws the line, and a notice above it.
+/// Draws the line, and a notice over the map.
 pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
@@ -180,13 +180,14 @@ pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
     }
     .draw(frame, area, layout);
     if let Some(notice) = screen.log.notice() {
-        // The line above the keys says what a cell or a colour is.
-        let foot = Rect { y: area.y.saturating_sub(1), ..area };
+        // The line below the map says what a cell or a colour is.
+        let map = layout.map_pane;
+        let foot = if map.is_empty() { area } else { Rect { y: map.bottom() - 1, ..map } };
         draw_notice(frame, foot, &screen.theme, notice);
     }
 }
 
-/// Draws a notice, wrapped, in the rows above those from `foot` on, which stay in view.
+/// Draws a notice, wrapped, in the rows above `foot`.
 pub fn draw_notice(frame: &mut Frame, foot: Rect, theme: &Theme, notice: Notice) {
     let style = match notice {
         Notice { is_error: true, .. } => theme.failure(),

@@ -99,10 +99,10 @@ pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let mut success = of("planned", 0, &|e| e.planned.as_ref()?.success);
     success.extend(of("alone", 1, &|e| e.greedy.success));
     success.push(curve("explored", 2, coverage));
-    let mut errors = of("D", 0, &|e| Some(e.distance_error?.mape));
-    errors.extend(of("via graph", 1, &|e| Some(e.distance_error?.graph?.mape)));
+    let mut errors = of("D", 0, &|e| Some(100.0 * e.distance_error?.mape));
+    errors.extend(of("via graph", 1, &|e| Some(100.0 * e.distance_error?.graph?.mape)));
     let rate = |title, curves| Plot { title, curves, max: Some(1.0), log: false };
-    let errors = Plot { title: "D off by", curves: errors, max: None, log: true };
+    let errors = Plot { title: "error of D, %", curves: errors, max: None, log: true };
     let of_critic = loss("loss of D", 0);
     let is_known = has_true_distances || errors.curves.iter().any(|curve| !curve.points.is_empty());
     let errors = is_known.then_some(errors);
@@ -207,15 +207,8 @@ fn marks(screen: &Screen, last: f64) -> Vec<(f64, String)> {
 
 /// Returns the edits up to the `last` place, without those that only continue another one.
 pub fn apart(edits: impl Iterator<Item = f64>, last: f64) -> Vec<f64> {
-    let gap = EDIT_SHARE * last;
-    let mut apart: Vec<f64> = Vec::new();
-    let mut before = f64::NEG_INFINITY;
-    for at in edits {
-        if at - before > gap {
-            apart.push(at);
-        }
-        before = at;
-    }
+    let mut apart: Vec<f64> = edits.collect();
+    apart.dedup_by(|at, before| *at - *before <= EDIT_SHARE * last);
     apart
 }
 

@@ -209,7 +209,7 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     let room = usize::from(line.width).saturating_sub(3);
     let hidden = if cursor > room { typed.unicode_truncate(cursor - room + 1).0 } else { "" };
     let seen = typed[hidden.len()..].unicode_truncate(room).0.to_owned();
-    let typed_style = if prompt.is_untouched() { REVERSED } else { Style::new() };
+    let typed_style = if prompt.untouched && !typed.is_empty() { REVERSED } else { Style::new() };
     let typed = Line::from(vec![Span::styled("> ", BOLD), Span::styled(seen, typed_style)]);
     frame.render_widget(Paragraph::new(typed), line);
     set_cursor(frame, line, 2 + cursor - display_width(hidden));

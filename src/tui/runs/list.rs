@@ -371,7 +371,8 @@ mod tests {
     fn runs_are_sorted_by_columns_and_found_by_words() {
         let mut list = list();
         for (name, order, reversed) in [
-            ("success", "abc", "bac"),
+            ("planned", "acb", "acb"),
+            ("alone", "abc", "bac"),
             ("map", "cab", "abc"),
             ("method", "cab", "bca"),
             ("seed", "acb", "bca"),

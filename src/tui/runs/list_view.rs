@@ -3,7 +3,7 @@
 //! ```text
 //! +----------------------------------------------+
 //! | folders, 12 of 34 runs, words                |  header
-//! |   map method seed updates success ... file   |  list
+//! |   map method seed updates planned ... file   |  list
 //! | A ...                                        |
 //! |------------------------------+---------------|
 //! | success over updates         | what differs  |  curves, settings
@@ -40,14 +40,13 @@ use gdg::train::{Preset, list_settings};
 /// The smallest screen with room for everything, in columns and rows.
 const MIN_SIZE: (u16, u16) = (60, 16);
 
-/// The columns of the list that are left out first where there is no room.
-const LEFT_OUT: [&str; 3] = ["written", "alone", "state"];
+/// The columns of the list that are left out first, where files have fewer columns than this.
+const LEFT_OUT: [(&str, usize); 2] = [("written", 18), ("seed", 8)];
 
-/// The most columns of a text, of a setting's name and of its value, and the fewest of a file.
+/// The most columns of a text, of a setting's name and of its value.
 const MAX_TEXT: usize = 20;
 const MAX_NAME: usize = 22;
 const MAX_VALUE: usize = 14;
-const MIN_FILE: usize = 14;
 
 const MIN_ROWS: usize = 6;
 
@@ -232,9 +231,9 @@ fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
         let taken = columns.iter().map(|(_, width)| width + 1).sum::<usize>();
         room.saturating_sub(MARGIN + 1 + taken)
     };
-    for name in LEFT_OUT {
-        if left(&columns) < MIN_FILE {
-            columns.retain(|(kept, _)| COLUMNS[*kept].name != name || *kept == list.order.0);
+    for (name, least) in LEFT_OUT {
+        if left(&columns) < least {
+            columns.retain(|(kept, _)| COLUMNS[*kept].name != name);
         }
     }
     columns.push((COLUMNS.len() - 1, left(&columns)));
@@ -258,8 +257,7 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
     let is_share = measure != Measure::Error;
-    let what = if is_share { measure.label() } else { "D off by" };
-    let title = format!(" {what} over {}", axis.label());
+    let title = format!(" {} over {}", measure.label(), axis.label());
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
@@ -352,7 +350,9 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme
     let head = [Span::styled(title, BOLD)].into_iter().chain(letters);
     let rows = rows.into_iter().map(|(name, values)| {
         let name = Cell::new(format!(" {name}")).style(DIM);
-        [name].into_iter().chain(values.into_iter().map(Cell::new)).collect::<Row>()
+        let values =
+            values.into_iter().map(|own| if own.is_empty() { "-".to_owned() } else { own });
+        [name].into_iter().chain(values.map(Cell::new)).collect::<Row>()
     });
     frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
 }
@@ -365,7 +365,9 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
         return bars::draw_notice(frame, foot, &screen.theme, notice);
     }
     if let Some(notice) = screen.log.notice() {
-        bars::draw_notice(frame, area, &screen.theme, notice);
+        // Over the line between the list and the curves.
+        let foot = Rect { y: layout.rows.0.bottom() + 1, ..area };
+        bars::draw_notice(frame, foot, &screen.theme, notice);
     }
     if let Some((_, text)) = &screen.awaited {
         let text = Line::styled(format!(" {text}"), BOLD);

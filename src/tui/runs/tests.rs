@@ -137,7 +137,7 @@ fn ctrl_c_quits_wherever_it_is_pressed() {
 fn the_mouse_sorts_selects_and_marks() {
     let mut screen = screen();
     let shown = shown_by(&mut screen, 120, 40);
-    click(&mut screen, MouseButton::Left, place_of(&shown, "success "));
+    click(&mut screen, MouseButton::Left, place_of(&shown, "planned "));
     assert_eq!(screen.list.order, (4, false));
     let shown = shown_by(&mut screen, 120, 40);
     let at = place_of(&shown, "fourrooms-2.safetensors");

@@ -16,8 +16,10 @@ use crate::tui::pane_text::{fact, fitted_line, heading, short, wrapped};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme};
 use gdg::bridge::EdgeStatus;
+use gdg::engine::Snapshot;
 use gdg::text::{counted, grouped};
-use gdg::viewer::{Field, Graph, Reach};
+use gdg::train::Evaluation;
+use gdg::viewer::{Field, Ghost, Graph, Reach};
 
 /// Width of the colour bar in characters, and its width where room is short.
 pub const BAR_WIDTH: usize = 12;
@@ -185,24 +187,46 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("then", "what happens when the agent arrives"),
 ];
 
+pub fn stands(ghost: &Ghost) -> bool {
+    !ghost.arrived && ghost.steps - ghost.stands_since >= STANDS_STEPS
+}
+
+/// Says when plans were furthest ahead of the actor alone, if they ever were.
+fn before(snapshot: &Snapshot) -> Option<String> {
+    let ahead = |(at, e): &(u64, Evaluation)| {
+        let ahead = e.planned.as_ref()?.success? - e.greedy.success?;
+        let at = snapshot.learned(*at);
+        (ahead > 0.1).then(|| (ahead, format!("; at update {}: {}", grouped(at), e.success(at))))
+    };
+    let all = snapshot.evaluations.iter().filter_map(ahead);
+    all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, text)| text)
+}
+
 /// Says how plan and actor alone go, in fewer and fewer words; without plans, that the actor stands.
 pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>> {
     let (reach, plans) = (&scene.view().reach, screen.run().method.plans());
     let ghost = reach.ghost.as_ref().filter(|_| !plans || screen.overlays.has(Overlay::Ghost))?;
+    let [planned, alone] = [reach.steps, ghost.steps].map(|n| counted(n.into(), "step"));
+    if plans && reach.arrived && ghost.arrived {
+        let both = format!("both arrive: @ planned in {planned}, a alone in {alone}");
+        let short = both.replace("@ ", "").replace(", a ", ", ").replace(" steps", "");
+        let then =
+            |text| format!("both arrive, in {} and {alone}{text}", grouped(reach.steps.into()));
+        let full = before(&screen.snapshot).map(then);
+        return Some(full.into_iter().chain([both, short]).collect());
+    }
     let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
-    let steps = |count: u32| counted(u64::from(count), "step");
-    let stands = !ghost.arrived && ghost.steps - ghost.stands_since >= STANDS_STEPS;
-    let since = format!(" since step {}", ghost.stands_since);
+    let (stands, since) = (stands(ghost), format!(" since step {}", ghost.stands_since));
     let actor = match (ghost.arrived, stands) {
-        (true, _) => format!("arrived in {}", steps(ghost.steps)),
+        (true, _) => format!("arrived in {alone}"),
         (false, true) => format!("stands{place}{since}"),
         (false, false) => "on its way".to_owned(),
     };
-    let arrived = format!("arrived in {}", steps(reach.steps));
+    let arrived = format!("arrived in {planned}");
     let plan = if reach.arrived { &*arrived } else { "on its way" };
-    let plan = format!("@ with plans: {plan}; a, the actor alone: ");
+    let plan = format!("@ planned: {plan}; a, the actor alone: ");
     let full = format!("{}{actor}", if plans { &plan } else { "@ " });
-    let short = full.replace("with plans", "planned").replace(", the actor", "").replace(place, "");
+    let short = full.replace(", the actor", "").replace(place, "");
     let short = short.replace(" steps", "");
     let shorter = short.replace(&since, "").replace("arrived in", "in");
     (plans || stands).then(|| vec![full, short, shorter])

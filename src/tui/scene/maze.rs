@@ -205,15 +205,15 @@ impl SceneKind for MazeState {
         }
     }
 
-    fn on_mouse(&mut self, kind: MouseEventKind, at: Position, screen: &mut Screen) {
+    fn on_mouse(&mut self, kind: MouseEventKind, mut at: Position, screen: &mut Screen) {
         let Some(frame) = &screen.layout.map.clone() else { return };
         let drawing = self.editor.is_drawing();
         // A stroke that leaves the map continues along its edge.
-        let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) {
-            nearest_within(frame.area, at)
-        } else {
-            at
-        };
+        if drawing && matches!(kind, MouseEventKind::Drag(_)) {
+            let area = frame.area;
+            at.x = at.x.min(area.right().saturating_sub(1)).max(area.left());
+            at.y = at.y.min(area.bottom().saturating_sub(1)).max(area.top());
+        }
         let cell = frame.cell_at(at, &self.map);
         let dragged_from = self.dragged_from.take();
         if self.is_on_minimap(kind, at, &screen.layout) {
@@ -561,9 +561,4 @@ pub fn maze_on(map: Arc<Grid>) -> MakeWorld {
 pub fn place_walker(cell: Option<Cell>, screen: &mut Screen) {
     screen.return_to_present();
     screen.request(Request::Start(cell.map(|cell| cell.centre().to_vec())));
-}
-
-fn nearest_within(area: Rect, at: Position) -> Position {
-    let within = |at: u16, from: u16, size: u16| at.clamp(from, from + size.saturating_sub(1));
-    Position::new(within(at.x, area.x, area.width), within(at.y, area.y, area.height))
 }

@@ -14,7 +14,7 @@ use crate::tui::lists;
 use gdg::engine::EngineCommand;
 use gdg::files::check_name;
 use gdg::map::{Grid, format_for, load_map};
-use gdg::train::{Run, is_checkpoint, with_setting};
+use gdg::train::{Run, SaveTo, is_checkpoint, with_setting};
 
 impl Session {
     /// Handles an event while a dialog is open; returns what the user has picked in it.
@@ -154,7 +154,9 @@ impl Session {
                 let path = checkpoint_file(typed);
                 check_name(&path).map_err(|e| format!("the file cannot be written: {e}"))?;
                 let is_copy = self.leave_to_other(&path)?;
-                self.saver.save_under(path, &mut self.cx);
+                // Replacing it has been confirmed.
+                self.saver.to = SaveTo::Replace(path);
+                self.saver.save(&mut self.cx);
                 if is_copy {
                     self.screen.command(EngineCommand::Resume);
                 }

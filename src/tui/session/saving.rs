@@ -145,12 +145,6 @@ impl Saver {
         self.then = Some(then).filter(|_| self.save(cx));
     }
 
-    /// Saves to a file named by the user, who has confirmed replacing it if it exists.
-    pub fn save_under(&mut self, path: PathBuf, cx: &mut Cx) {
-        self.to = SaveTo::Replace(path);
-        self.save(cx);
-    }
-
     /// Saves automatically, to a file next to the user's own.
     fn autosave(&mut self, cx: &mut Cx) {
         let (own, others) = (self.to.path().to_owned(), elsewhere(self.to.path()).split_off(1));
@@ -254,14 +248,7 @@ impl Saver {
         }
     }
 
-    pub fn on_training_failed(&self, error: &str, screen: &mut Screen) {
-        screen.report(&format!("training stopped: {error}"));
-        if !self.has_failed {
-            self.show_failure("training has stopped", error, screen);
-        }
-    }
-
-    fn show_failure(&self, title: &str, problem: &str, screen: &mut Screen) {
+    pub fn show_failure(&self, title: &str, problem: &str, screen: &mut Screen) {
         if self.offers {
             screen.open(lists::failure(title, problem, &self.next_file(), &logging::hint()));
         }
@@ -358,7 +345,9 @@ impl Session {
             autosaves.iter().for_each(|(_, path)| train::remove_own(path));
         }
         let files = about_files(&snapshot, tells_lost);
-        let newest = newest_file(&snapshot);
+        let own = snapshot.saved.iter().map(|(_, path)| path.to_path_buf());
+        let all = own.chain(snapshot.autosaves.iter().map(|(_, path)| path.clone()));
+        let newest = newest_first(all).into_iter().next();
         let mut summary = summary_of(&snapshot, &title) + &files;
         if let Some(file) = newest {
             let command = resume_command(&file, &snapshot.registry.options);
@@ -403,10 +392,4 @@ pub fn about_files(snapshot: &Snapshot, tells_lost: bool) -> String {
         text += &format!("\nnot saved: {last}{} updates", grouped(lost));
     }
     text
-}
-
-fn newest_file(snapshot: &Snapshot) -> Option<PathBuf> {
-    let own = snapshot.saved.as_ref().map(|(_, path)| path.to_path_buf());
-    let autosaves = snapshot.autosaves.iter().map(|(_, path)| path.clone());
-    newest_first(own.into_iter().chain(autosaves)).into_iter().next()
 }

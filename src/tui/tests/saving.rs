@@ -388,7 +388,7 @@ fn everything_can_be_exported() {
             "svg" => {
                 assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
                 let is_chart = kind == ExportKind::CurvesSvg;
-                let part = if is_chart { "D off by" } else { "\nG\n" };
+                let part = if is_chart { "error of D" } else { "\nG\n" };
                 assert!(text.contains(part), "{kind:?} shows {part:?}");
                 assert!(!text.contains("get no reward"), "the dialog on top is left out");
             }

@@ -127,7 +127,7 @@ impl fmt::Display for SuccessSummary {
             write!(f, "planned {planned:.2}, ")?;
         }
         match self.greedy {
-            Some(greedy) => write!(f, "actor alone {greedy:.2}"),
+            Some(greedy) => write!(f, "alone {greedy:.2}"),
             None => f.write_str("no tasks"),
         }
     }

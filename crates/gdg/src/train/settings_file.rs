@@ -217,16 +217,12 @@ fn checked(values: &Map<String, Value>) -> Result<Settings> {
     Err(ConfigError::new(problem, help))
 }
 
-/// Returns the hint for a number with a decimal comma.
-fn decimal_comma(value: &Value) -> &'static str {
-    let is_number =
-        |text: &str| text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok();
-    if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
-}
-
 fn refused(name: &str, setting: &Setting, value: &Value) -> Box<ConfigError> {
     let shown = truncated(&value.to_string(), MAX_QUOTED_CHARS);
-    let help = format!("{name} must be {}{}", setting.values, decimal_comma(value));
+    let text = value.as_str().filter(|text| text.contains(','));
+    let is_number = text.is_some_and(|text| text.replace(',', ".").parse::<f64>().is_ok());
+    let comma = if is_number { "; a point separates the fraction" } else { "" };
+    let help = format!("{name} must be {}{comma}", setting.values);
     ConfigError::new(format!("{name} cannot be {shown}"), help)
 }
 
@@ -248,7 +244,11 @@ pub fn about_setting(setting: &Setting, values: &str) -> Vec<String> {
 }
 
 pub fn setting_page(name: &str) -> Result<String, Box<ConfigError>> {
-    let setting = Setting::named(name).ok_or_else(|| unknown(name))?;
+    let Some(setting) = Setting::named(name) else {
+        let lines = SETTINGS.iter().map(|own| format!("{}: {}\n", own.name, own.about));
+        let found: String = lines.filter(|line| line.contains(name)).collect();
+        return if found.is_empty() { Err(unknown(name)) } else { Ok(found) };
+    };
     let value = |preset: Preset| {
         format!("{} in {}", shown(&preset.settings().values()[setting.name]), preset.name())
     };
@@ -353,7 +353,7 @@ pub fn reference_page() -> String {
 Set one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as of `--print-config`), or change any of
 them during training with `o`. A change takes effect immediately, unless the last column says otherwise. The
 usual ones come first, with what they do to success early in training, as [measured](research/settings.md).
-This page is printed by `gdg-tui settings`, and one of them by `gdg-tui settings NAME`.
+This page is printed by `gdg-tui settings`, one of them by `gdg-tui settings NAME`, those with a word by `settings WORD`.
 
 Some worlds bring default settings of their own, on top of the presets `default` and `tuned`; `paper` and `sb3`
 stay as published. `--config` and `--set` come last.

@@ -29,7 +29,7 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("success", "test walks that arrive: all, and near to far"),
     ("planned", "with waypoints planned over bridge points"),
     ("alone", "by the actor alone"),
-    ("D off by", "mean error of D against the true steps"),
+    ("error of D", "mean error of D against the true steps"),
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
     ("next test", "when they are measured again"),
@@ -46,9 +46,9 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Lin
     let snapshot = &screen.snapshot;
     let (updates, _) = snapshot.rates;
     let updates = match (snapshot.learns, snapshot.updates()) {
-        (true, now) => format!("{}, {}/s", count(screen, now), short(updates)),
+        (true, now) => format!("{}, {}/s", short(now as f64), short(updates)),
         (false, 0) => "none: random steps".to_owned(),
-        (false, before) => format!("{}, now none", count(screen, before)),
+        (false, before) => format!("{}, now none", short(before as f64)),
     };
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
     lines.extend(snapshot.seconds_left.map(|seconds| fact("left", clock(seconds))));
@@ -86,15 +86,10 @@ fn experience(screen: &Screen) -> [Line<'static>; 3] {
     let (used, room) = snapshot.replay;
     let rate = short(snapshot.rates.1);
     [
-        fact("steps", format!("{}, {rate}/s", count(screen, counters.env_steps))),
-        fact("episodes", count(screen, counters.episodes)),
+        fact("steps", format!("{}, {rate}/s", short(counters.env_steps as f64))),
+        fact("episodes", short(counters.episodes as f64)),
         fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
     ]
-}
-
-/// Formats a count, exactly if it does not change.
-fn count(screen: &Screen, n: u64) -> String {
-    if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
 }
 
 fn losses(screen: &Screen, all: bool) -> Vec<Line<'static>> {
@@ -122,10 +117,10 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
         let title = distances(&evaluation.greedy.by_distance);
-        lines.push(Line::styled(format!(" {:<10}all   {title}", "success"), BOLD));
+        lines.push(Line::styled(format!(" {:<11}all  {title}", "success"), BOLD));
         let score = |name: &str, score: &Score| match score.success {
             Some(success) => {
-                fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance)))
+                fact(name, format!("{success:.2} {}", success_bars(&score.by_distance)))
             }
             None => fact(name, "no tasks"),
         };
@@ -133,17 +128,18 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         lines.push(score("alone", &evaluation.greedy));
         if let Some(error) = evaluation.distance_error {
             let percent = |mape: f64| format!("{:.0} %", 100.0 * mape);
-            lines.push(fact("D off by", percent(error.mape)));
+            lines.push(fact("error of D", percent(error.mape)));
             let graph = error.graph.filter(|_| all);
             lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
         }
         if all {
-            lines.push(fact("evaluated", age(screen, screen.snapshot.learned(*updates))));
+            let at = grouped(screen.snapshot.learned(*updates));
+            lines.push(fact("evaluated", format!("at update {at}")));
         }
         lines.push(next(screen));
         // Coverage is known between evaluations as well.
         let seen = screen.snapshot.coverage();
-        let explored = |seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen));
+        let explored = |seen| fact("explored", format!("{:.0} % in reach", 100.0 * seen));
         lines.extend(seen.last().map(|(_, seen)| explored(*seen)));
     } else {
         lines.push(fact("success", "not evaluated yet"));
@@ -151,13 +147,6 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
         lines.push(next(screen));
     }
     lines
-}
-
-fn age(screen: &Screen, at: u64) -> String {
-    match screen.snapshot.updates().saturating_sub(at) {
-        0 => "just now".to_owned(),
-        ago => format!("{} updates ago", short(ago as f64)),
-    }
 }
 
 /// Describes when the next evaluation comes, and which key starts one now; of a run that another
