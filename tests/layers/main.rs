@@ -26,7 +26,7 @@ const LIBRARY: [Room; 15] = [
     ("map", 3_751),
     ("env", 6_543),
     ("learn", 8_823),
-    ("bridge", 3_922),
+    ("bridge", 4_007),
     ("train", 6_976),
     ("engine", 1_215),
     ("draw", 810),

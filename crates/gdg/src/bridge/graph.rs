@@ -430,20 +430,6 @@ mod tests {
     }
 
     #[test]
-    fn hops_of_lengths_that_often_fail_cost_the_delay_to_be_expected() {
-        let mut candidates = one_way();
-        let [from, to] = [0, 1].map(|i| candidates.id(i));
-        for arrived in [true, false, false, false] {
-            candidates.record_walk(from, to, 4.5, arrived);
-        }
-        let link = |distance| PlannedEdge::new(&candidates, 0, 1, distance).expect("a link");
-        let failures = candidates.hops().failures(4.5);
-        assert!(failures > 1.0, "{failures}");
-        assert_eq!(link(4.5).cost, 4.5 + failures * late_after(4.5));
-        assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "nor for other lengths");
-    }
-
-    #[test]
     fn where_d_falls_short_of_what_was_walked_hops_cost_what_was_walked() {
         let (.., mut candidates) = walked(200, 39.5);
         let paths = candidates.observed_from(0).collect::<Vec<_>>();
@@ -456,9 +442,9 @@ mod tests {
         assert_eq!(candidates.hops().failures(short), 0.0);
         let failures = candidates.hops().failures(walked);
         assert!(failures > 0.5, "{failures}");
-        let link = PlannedEdge::new(&candidates, 0, to, short).expect("a link");
-        assert_eq!(link.cost, walked + failures * late_after(walked));
-        assert_eq!(link.length, short);
+        let link = |distance| PlannedEdge::new(&candidates, 0, to, distance).expect("a link");
+        assert_eq!(link(short).cost, walked + failures * late_after(walked));
+        assert_eq!((link(short).length, link(walked + 1.0).cost), (short, walked + 1.0));
     }
 
     #[test]

@@ -116,6 +116,7 @@ impl Walker {
             && goal.len() == graph.candidates.spec.goal_dim()
             && goal.iter().chain([&self.distance]).all(|v| v.is_finite())
             && !self.remaining.is_nan()
+            && self.began <= self.clock
             && [0, graph.candidates.spec.state_dim()].contains(&self.landmark.len());
         StoreError::unless(fits, "a stored walk does not fit its bridge graph")?;
         let route = graph.route_from_links(goal, std::mem::take(nearest), std::mem::take(links));
