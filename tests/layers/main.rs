@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_663),
-    ("tui", 19_230),
+    ("tui", 19_248),
     ("cli", 601),
     ("commands", 1_001),
 ];

@@ -88,6 +88,8 @@ impl Saver {
     /// it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
+        // The checkpoint of a finished job belongs to its result, which lies beside it.
+        let saved = saved.as_ref().filter(|(_, path)| !path.with_extension("json").is_file());
         self.then = None;
         let end = format!("-{}-seed{}.safetensors", run.method.name(), run.seed);
         self.to = match (self.first.take(), saved, &self.named) {

@@ -333,6 +333,22 @@ fn a_runs_own_file_is_not_replaced_before_it_is_loaded() {
 }
 
 #[test]
+fn the_checkpoint_of_a_finished_job_is_not_replaced_by_what_is_trained_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = staged_app(80, 24);
+    let path = Arc::new(folder.path().join("trap-gdg-seed1.safetensors"));
+    app.change_snapshot(|snapshot| snapshot.saved = Some((10, path.clone())));
+    for is_job in [false, true] {
+        if is_job {
+            std::fs::write(path.with_extension("json"), "{}").expect("written");
+        }
+        let snapshot = app.screen.snapshot.clone();
+        app.saver.start_run(&snapshot);
+        assert_eq!(app.saver.to.path() == *path, !is_job, "{}", app.saver.to.path().display());
+    }
+}
+
+#[test]
 fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
     let start =
