@@ -32,8 +32,8 @@ DRAWS = 200
 RULES = {
     "single plan": lambda graph: setattr(graph.rules, "open_loop", False),
     "delays": lambda graph: setattr(graph, "hops", np.zeros_like(graph.hops)),
-    "steps walked": lambda graph: setattr(graph.rules, "near_steps", np.inf),
-    "circles": lambda graph: setattr(graph.rules, "same_place", -1.0),
+    "steps walked": lambda graph: setattr(graph.rules, "walked_slack_steps", np.inf),
+    "circles": lambda graph: setattr(graph, "same_place", -1.0),
     "longer bans": lambda graph: setattr(graph.rules, "max_doublings", 0),
 }
 

@@ -28,6 +28,8 @@ class Graph:
         self, arrays: dict[str, np.ndarray], description: dict[str, Any], achieved: np.ndarray
     ):
         self.rules = SimpleNamespace(**description["plans"]["rules"])
+        # How far apart the components of two states may be that count as one.
+        self.same_place = np.float32(self.rules.same_place) * np.float32(self.rules.change_scale)
         self.goal_radius = np.float32(description["goal_radius"])
         self.achieved = achieved
         self.states = arrays["candidates"]
@@ -104,7 +106,7 @@ class Graph:
         rules = self.rules
         ahead, back = self.observed(start, end), self.observed(end, start)
         walked = np.isfinite(ahead) & rules.verify_edges
-        steps = np.where(walked, np.maximum(distance, ahead - rules.near_steps), distance)
+        steps = np.where(walked, np.maximum(distance, ahead - rules.walked_slack_steps), distance)
         arrived, failed = self.hops[np.minimum(steps.astype(int), len(self.hops) - 1)].T
         delay = failed / (arrived + 1.0) * self.late_after(steps)
         verified = ahead <= rules.observed_factor * distance + rules.observed_slack_steps
@@ -262,10 +264,10 @@ class Walk:
         return [late for late, until in self._banned if until > self._clock]
 
     def _goes_in_circles(self, state: np.ndarray) -> bool:
-        """Returns whether the agent is where it was before on its way to the target."""
-        state, rules, landmark = state.astype(np.float32), self._graph.rules, self._landmark
-        least = np.float32(rules.same_place) * np.float32(rules.change_scale)
-        again = landmark is not None and bool((np.abs(state - landmark) <= least).all())
+        """Returns whether the agent is back where it was on its way to the target."""
+        state, landmark = state.astype(np.float32), self._landmark
+        again = landmark is not None
+        again = again and bool((np.abs(state - landmark) <= self._graph.same_place).all())
         since = self._clock - self._began
         if since > 0 and since & (since - 1) == 0:
             self._landmark = state

@@ -26,7 +26,7 @@ pub struct Race {
     /// Whether each side has arrived, once that is decided.
     arrived: [Option<bool>; 2],
     over: Option<Instant>,
-    /// Whether one of both has had a plan: then races begin anew, as there was little to see.
+    /// Whether either side has had a plan: races restart at the first one.
     pub is_planned: bool,
     /// Races that each side has finished at the goal, and all that are over.
     pub results: ([u32; 2], u32),

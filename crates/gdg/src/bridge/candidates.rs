@@ -40,7 +40,7 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 
 /// Steps that a trajectory from near one candidate to near another may take beyond those between
 /// the candidates themselves.
-pub(crate) const NEAR_STEPS: f32 = 1.0;
+pub(crate) const WALKED_SLACK_STEPS: f32 = 1.0;
 
 /// Candidates spread over all visited states, and the fewest steps of any trajectory from near one
 /// to near another.
@@ -228,14 +228,14 @@ impl Candidates {
         &self.hops
     }
 
-    /// Returns the steps that a hop of `distance` steps by D has to reckon with, between candidates
-    /// between which trajectories took `observed`: the longer of the two. Across thin walls D falls
-    /// short, and agents that descend it stop at the wall.
+    /// Returns the expected steps of a hop: `distance`, by D, or `observed`, the fewest that
+    /// trajectories took, whichever is more. Across thin walls D falls short, and agents that descend
+    /// it stop at the wall.
     pub(super) fn steps_of_hop(&self, distance: f32, observed: u16) -> f32 {
         if !self.settings.verify_edges || observed == UNOBSERVED {
             return distance;
         }
-        distance.max(f32::from(observed) - NEAR_STEPS)
+        distance.max(f32::from(observed) - WALKED_SLACK_STEPS)
     }
 
     /// Records the outcome of a walk between two candidates, given by their ids, that was

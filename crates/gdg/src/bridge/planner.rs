@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::candidates::{NEAR_STEPS, UNOBSERVED};
+use super::candidates::{UNOBSERVED, WALKED_SLACK_STEPS};
 use super::graph::{
     BridgeGraph, COST_UNITS_PER_STEP, FirstHop, HopOptions, LINK_CANDIDATES, OBSERVED_FACTOR,
     OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, REVERSED_PENALTY_STEPS, Route, UNVERIFIED_FACTOR,
@@ -21,7 +21,7 @@ pub(crate) const MAX_STRIKES: u32 = 2;
 /// Most times that the ban of a target is doubled.
 pub(crate) const MAX_DOUBLINGS: usize = 16;
 
-/// An agent is where it was if no component of its state differs by more of a typical step.
+/// Share of a typical step by which components of two states may differ that count as one.
 pub(crate) const SAME_PLACE: f32 = 0.03;
 
 /// Nearest candidates for which an agent that chooses a waypoint computes D.
@@ -45,7 +45,7 @@ pub struct Walker {
     clock: u32,
     /// D to the target when it was chosen.
     distance: f32,
-    /// Step at which the target was chosen, or the agent turned to the other way of acting.
+    /// Step at which the target was chosen, or the actor and lookahead swapped.
     began: u32,
     /// Step at which the target becomes late.
     deadline: u32,
@@ -54,7 +54,7 @@ pub struct Walker {
     /// target.
     remaining: f32,
     strikes: u32,
-    /// Whether the agent has gone in circles on its way to the target, and acts otherwise since.
+    /// Whether the agent has gone in a circle, so that actor and lookahead have swapped.
     turned: bool,
     /// Where the agent was after 1, 2, 4, 8... steps towards the target, whichever was last.
     #[serde(with = "planes")]
@@ -128,9 +128,9 @@ impl Walker {
         self.hop
     }
 
-    /// Whether the next action is chosen by one step of lookahead. After a late waypoint the actor
-    /// takes over until the next one, and so on: lookahead exploits errors of the dynamics model,
-    /// the actor gets stuck elsewhere.
+    /// Whether the next action is chosen by one step of lookahead. After a late waypoint or a circle,
+    /// the actor takes over, and so on in turns: lookahead exploits errors of the dynamics model, the
+    /// actor gets stuck elsewhere.
     pub fn looks_ahead(&self, graph: &BridgeGraph) -> bool {
         graph.candidates.settings.lookahead && self.strikes.is_multiple_of(2) != self.turned
     }
@@ -161,7 +161,6 @@ impl Walker {
     ) -> &'a [f32] {
         let settings = &graph.candidates.settings;
         let target = self.keep_target(state, graph);
-        let clock = self.clock;
         // An open loop continues its single plan from the waypoint reached.
         let on_plan = self.at.filter(|_| settings.open_loop);
         let planned = on_plan.map(|at| match self.route.next[at] as usize {
@@ -176,9 +175,8 @@ impl Walker {
                 None => self.choose_target(state, graph, policy, scratch),
             };
             self.distance = distance;
-            (self.turned, self.began) = (false, clock);
-            self.landmark.clear();
-            self.deadline = clock + late_after(distance) as u32;
+            self.set_out(false);
+            self.deadline = self.clock + late_after(distance) as u32;
             target
         });
         self.target = Some(target);
@@ -196,8 +194,7 @@ impl Walker {
         let circles = settings.progress_check && self.goes_in_circles(state, graph);
         let late = settings.progress_check && self.clock >= self.deadline || circles && self.turned;
         if circles {
-            (self.turned, self.began) = (true, self.clock);
-            self.landmark.clear();
+            self.set_out(true);
         }
         if let (Some(from), Some(to)) = (self.at, current.candidate())
             && (reached || late)
@@ -214,7 +211,7 @@ impl Walker {
                 self.at = None;
                 self.remaining = f32::INFINITY;
                 self.strikes += 1;
-                // Twice as long each time, so that agents come to try others.
+                // Twice as long each time, so that agents try others.
                 let times = self.banned.iter().filter(|(banned, _)| *banned == current).count();
                 let ban = BAN_STEPS << times.min(MAX_DOUBLINGS);
                 self.banned.push((current, self.clock.saturating_add(ban)));
@@ -224,15 +221,18 @@ impl Walker {
         (!late && !reached).then_some(current)
     }
 
-    /// Whether the agent is where it was before on its way to the target: it would do the same again.
+    /// Begins to look for circles; `turned` is whether the agent has gone in one.
+    fn set_out(&mut self, turned: bool) {
+        (self.turned, self.began) = (turned, self.clock);
+        self.landmark.clear();
+    }
+
+    /// Whether the agent is back where it was on its way to the target: it would do the same again.
     /// Landmarks at powers of two find circles of any length (Brent's algorithm).
     fn goes_in_circles(&mut self, state: &[f32], graph: &BridgeGraph) -> bool {
-        let scales = &graph.candidates.spec.change_scale;
-        let apart = |(i, scale): (usize, &f32)| {
-            let landmark = self.landmark.get(i);
-            landmark.is_none_or(|then| (state[i] - then).abs() > SAME_PLACE * scale)
-        };
-        let again = !scales.iter().enumerate().any(apart);
+        let mut changes = state.iter().zip(&self.landmark).zip(&graph.candidates.spec.change_scale);
+        let again = !self.landmark.is_empty()
+            && changes.all(|((now, then), scale)| (now - then).abs() <= SAME_PLACE * scale);
         if (self.clock - self.began).is_power_of_two() {
             self.landmark = state.to_vec();
         }
@@ -439,7 +439,7 @@ impl BridgeGraph {
             "lookahead": lookahead,
             "same_place": SAME_PLACE,
             "change_scale": self.candidates.spec.change_scale,
-            "near_steps": NEAR_STEPS,
+            "walked_slack_steps": WALKED_SLACK_STEPS,
             "window_steps": self.candidates.settings.window_steps(),
             "unobserved": UNOBSERVED,
             "told_apart_by": self.candidates.others().iter().map(|axis| (axis.component, axis.width, axis.low)).collect::<Vec<_>>(),
