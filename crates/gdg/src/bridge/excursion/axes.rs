@@ -8,6 +8,10 @@ use crate::learn::Axis;
 /// The achieved goal seldom moves if less than this share of the latest steps moves it.
 const SELDOM: f64 = 0.2;
 
+/// It is an object if less than this share moves it: what else moves seldom is part of it then, such as
+/// an angle that jumps as it turns.
+const MOSTLY: f64 = 0.5;
+
 /// Averaging window of that share, in steps.
 const LATEST_STEPS: u64 = 5_000;
 
@@ -96,8 +100,7 @@ impl Moves {
     /// Returns the axes that distinguish places from now on, if there are more than `axes`.
     pub fn more_axes(&self, spec: &Spec, axes: &[Axis]) -> Option<Vec<Axis>> {
         let share = |i: usize| self.moved[i] as f64 / self.steps as f64;
-        // What moves together with an object is part of it.
-        if self.goal_rests() {
+        if self.goal_share < MOSTLY {
             return None;
         }
         let matters = |i: usize| self.moved[i] >= LEAST_MOVES && share(i) < RARE;
@@ -153,7 +156,9 @@ mod tests {
         // A velocity, a key, and what has turned but once.
         assert_eq!(more(2_000, [1, 1, 100, 1_500]), Some(vec![own[0], axis(2)]));
         assert_eq!(more(2_000, [1, 1, 2, 30]), None, "too often");
-        assert_eq!(more(2_000, [1, 50, 50, 50]), None, "an object with what turns with it");
+        for every in [50, 3] {
+            assert_eq!(more(2_000, [1, every, 100, 1]), None, "an object with what turns with it");
+        }
         let keys = [own[0], axis(0), axis(2)];
         assert_eq!(seen(2_000, [100, 1, 100, 1]).more_axes(&spec, &own), Some(keys.to_vec()));
         assert_eq!(seen(2_000, [100, 1, 1, 1]).more_axes(&spec, &keys), None, "known already");
