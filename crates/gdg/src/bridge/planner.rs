@@ -277,15 +277,14 @@ impl Walker {
         }
         let direct = options.direct.filter(|_| self.is_allowed(WalkTarget::Goal));
         match (waypoint, direct) {
-            (Some((_, total)), Some(direct)) if direct.cost <= total => {
-                (WalkTarget::Goal, options.to_goal)
+            (Some((hop, total)), direct) if direct.is_none_or(|direct| total < direct.cost) => {
+                (WalkTarget::Candidate(hop.candidate), hop.distance)
             }
-            (Some((hop, _)), _) => (WalkTarget::Candidate(hop.candidate), hop.distance),
-            (None, Some(_)) => (WalkTarget::Goal, options.to_goal),
-            (None, None) => (
-                WalkTarget::Goal,
-                options.to_goal.min(graph.candidates.settings.window_steps() as f32),
-            ),
+            (_, Some(_)) => (WalkTarget::Goal, options.to_goal),
+            _ => {
+                let most = graph.candidates.settings.window_steps() as f32;
+                (WalkTarget::Goal, options.to_goal.min(most))
+            }
         }
     }
 

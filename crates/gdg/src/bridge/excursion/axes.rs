@@ -8,6 +8,9 @@ use crate::learn::Axis;
 /// The achieved goal seldom moves if less than this share of the latest steps moves it.
 const SELDOM: f64 = 0.2;
 
+/// The goal is an object, with what else seldom moves or jumps, if less than this share moves it.
+const MOSTLY: f64 = 0.5;
+
 /// Averaging window of that share, in steps.
 const LATEST_STEPS: u64 = 5_000;
 
@@ -95,12 +98,11 @@ impl Moves {
 
     /// Returns the axes that distinguish places from now on, if there are more than `axes`.
     pub fn more_axes(&self, spec: &Spec, axes: &[Axis]) -> Option<Vec<Axis>> {
-        let share = |i: usize| self.moved[i] as f64 / self.steps as f64;
-        // What moves together with an object is part of it.
-        if self.goal_rests() {
+        if self.goal_share < MOSTLY {
             return None;
         }
-        let matters = |i: usize| self.moved[i] >= LEAST_MOVES && share(i) < RARE;
+        let most = RARE * self.steps as f64;
+        let matters = |i: usize| self.moved[i] >= LEAST_MOVES && (self.moved[i] as f64) < most;
         let is_known = |i: usize| axes.iter().any(|axis| axis.component == i);
         let others = (0..spec.state_dim()).filter(|i| !spec.achieved.contains(i));
         let others: Vec<usize> = others.filter(|i| is_known(*i) || matters(*i)).collect();
@@ -111,8 +113,7 @@ impl Moves {
         let cells = cells.clamp(2.0, MOST_CELLS) as f32;
         let axis = |component: usize| {
             let width = (self.high[component] - self.low[component]) / cells;
-            // It may jump.
-            // What rests is in the middle of a cell.
+            // It may jump; what rests is in the middle of a cell.
             let low = self.low[component] - 0.5 * width;
             Axis { component, width, low, step: width }
         };
@@ -153,7 +154,7 @@ mod tests {
         // A velocity, a key, and what has turned but once.
         assert_eq!(more(2_000, [1, 1, 100, 1_500]), Some(vec![own[0], axis(2)]));
         assert_eq!(more(2_000, [1, 1, 2, 30]), None, "too often");
-        assert_eq!(more(2_000, [1, 50, 50, 50]), None, "an object with what turns with it");
+        assert_eq!(more(2_000, [1, 3, 50, 50]), None, "an object with what turns with it");
         let keys = [own[0], axis(0), axis(2)];
         assert_eq!(seen(2_000, [100, 1, 100, 1]).more_axes(&spec, &own), Some(keys.to_vec()));
         assert_eq!(seen(2_000, [100, 1, 1, 1]).more_axes(&spec, &keys), None, "known already");
