@@ -242,7 +242,7 @@ pub struct Item {
     /// Further lines below the list while the item is selected.
     pub below: Vec<String>,
     pub words: String,
-    /// Whether it is marked, such as a setting that differs from its default.
+    /// Whether it is marked, such as a setting that differs from its preset.
     pub marked: bool,
     /// The key that picks it in a question.
     pub key: Option<char>,

@@ -167,7 +167,7 @@ pub fn presets(now: Preset) -> Picker {
 
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
-    let title = "change a setting (* differs from its default)";
+    let title = "change a setting (* differs from its preset)";
     let mut picker = Picker::new(title, setting_items(screen));
     picker.are_settings = true;
     picker
