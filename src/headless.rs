@@ -157,7 +157,7 @@ fn report_recovery(recovery: Recovery) -> Result<(), Report> {
 }
 
 fn warn(trainer: &Trainer, text: &str) -> Result<(), Report> {
-    eprint_line(text);
+    eprint_line(&format!("warning: {text}"));
     let Moment { updates, env_steps, .. } = trainer.moment();
     print(&Record::Warning(json!({ "updates": updates, "env_steps": env_steps, "text": text })))
 }
@@ -422,7 +422,7 @@ impl CheckpointSaver {
             return Err(miette!("{error}; saved to {} instead", path.display()));
         }
         instead.iter().for_each(|path| train::remove_own(path));
-        trainer.take_warnings().iter().for_each(|warning| eprint_line(warning));
+        trainer.take_warnings().iter().for_each(|own| eprint_line(&format!("warning: {own}")));
         let requested = self.to.path();
         if path != requested {
             let is_new = matches!(self.to, SaveTo::CreateNew(_));

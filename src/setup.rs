@@ -84,19 +84,15 @@ pub fn settings(choice: &RunChoice, world: &Path, registry: &Registry) -> Result
 /// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is
 /// none.
 pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
-    match setting.split_once(':') {
-        Some((prefix, setting)) if !prefix.contains('=') => (Some(prefix), setting),
-        _ => (None, setting),
-    }
+    let split = setting.split_once(':').filter(|(prefix, _)| !prefix.contains('='));
+    split.map_or((None, setting), |(prefix, own)| (Some(prefix), own))
 }
 
 /// Returns the settings in `set` that apply to a run with these `names`, without their prefixes.
 pub fn settings_of(names: &[&str], set: &[String]) -> Vec<String> {
     let split = set.iter().map(|setting| split_prefix(setting));
-    split
-        .filter(|(prefix, _)| prefix.is_none_or(|prefix| names.contains(&prefix)))
-        .map(|(_, own)| own.to_owned())
-        .collect()
+    let own = split.filter(|(prefix, _)| prefix.is_none_or(|prefix| names.contains(&prefix)));
+    own.map(|(_, own)| own.to_owned()).collect()
 }
 
 /// Returns the run of `choice` and `seed` in the world that `world` opens.
@@ -202,7 +198,7 @@ pub fn learn_from(
     });
     let said: Vec<String> = doubts.into_iter().chain(left_out).collect();
     said.iter().for_each(|said| log::warn!("{file}: {said}"));
-    Ok((!said.is_empty()).then(|| format!("warning: {file}: {}", said.join("; "))))
+    Ok((!said.is_empty()).then(|| format!("{file}: {}", said.join("; "))))
 }
 
 /// Returns the requested number of parallel jobs, else the number of cores.

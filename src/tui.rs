@@ -71,7 +71,6 @@ use gdg::map::Reading;
 use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
-pub use lists::ignores;
 pub use runs::{Opened, Opener, RunsScreen, Wish};
 use session::Session;
 pub use session::elsewhere::TrainedElsewhere;
@@ -149,7 +148,9 @@ pub fn run(
     let is_new = resumed.is_none();
     // What is to be saved elsewhere is not saved yet.
     let resumed = resumed.filter(|_| save.is_none());
-    let at_first = elsewhere.as_ref().map(|_| EngineCommand::Pause);
+    // What is opened in a list is shown as it was saved, one run as well as two.
+    let is_paused = elsewhere.is_some() || interface.from_list;
+    let at_first = is_paused.then_some(EngineCommand::Pause);
     interface.show(trainer, (limits, at_first), resumed, save, |session| {
         session.screen.explains = is_new;
         warnings.iter().for_each(|warning| session.screen.notify(warning));

@@ -17,7 +17,7 @@ cleanup() {
 }
 trap cleanup EXIT
 
-figure=(reproduce fig6 --updates 60 --seeds 2 --eval-tasks 1 --set hidden=16 --set buffer_size=20000
+figure=(reproduce fig6 --max-updates 60 --seeds 2 --eval-tasks 1 --set hidden=16 --set buffer_size=20000
     --set candidates=50 --set learning_starts=200)
 "$program" "${figure[@]}" --out "$work/alone" >/dev/null 2>&1
 

@@ -14,7 +14,7 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     // An escape immediately followed by other bytes would be a different key.
     session.close("maps are saved");
     session.press_for(" ", "paused");
-    session.press_for("?axis\r", "success rate over environment steps");
+    session.press_for("?axis\r", "success over environment steps");
     for (cols, rows) in [(1, 1), (200, 60), (40, 10)] {
         session.master.resize(size(cols, rows)).unwrap();
         session.screen.lock().unwrap().screen_mut().set_size(non_zero(rows), non_zero(cols));

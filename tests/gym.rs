@@ -94,7 +94,7 @@ fn open(folder: &Path, name: &str) -> Box<dyn Environment> {
         format!("PYTHONPATH='{}' exec '{}' \"$@\"", packages.display(), python().display());
     let options =
         GymOptions { python: Some(fake_python(folder, &script)), ..GymOptions::default() };
-    let registry = Registry::builtin().with_gym(options);
+    let registry = Registry::builtin().with(|own| own.options = options);
     registry.open(&format!("gym:awkward:{name}-v0")).unwrap().unwrap()
 }
 

@@ -329,13 +329,13 @@ fn bad_arguments_are_named_before_anything_runs() {
             "methods of fig1: gdg-distance, ddpg-distance, gdg, her",
         ),
         (&["fig6", "--collect"], "out: there is no such folder"),
-        (&["fig1", "--steps", "10", "--episodes", "10"], "--episodes"),
+        (&["fig1", "--max-steps", "10", "--max-episodes", "10"], "--max-episodes"),
         (&["fig6", "--set", "gdg:hiden=3"], "did you mean hidden"),
         (&["fig6", "--job", "trap-1"], "trap-1: there is no such job"),
         (&["fig6", "--job", "99"], "give a number from 1 to"),
         (&["fig6", "--job", "0"], "there is no such job"),
         (&["fig6", "--list", "--collect"], "cannot be used with"),
-        (&["fig6", "--updates", "10", "--episodes", "10"], "--episodes"),
+        (&["fig6", "--updates", "10", "--episodes", "10"], "--max-episodes"),
         (&[], "FIGURE"),
     ] {
         let ran = place.run(&[args, &["--out", "out"]].concat());

@@ -33,7 +33,7 @@ fn export(
         ".npz" => refuse_other_kind(&path, "recorded transitions", |at| at.starts_with(b"PK"))?,
         _ => refuse_other_kind(&path, "a policy", |start| start.get(8) == Some(&b'{'))?,
     }
-    let registry = registry.clone().only_reading();
+    let registry = registry.clone().with(|own| own.options.reads_only = true);
     let loaded = load_with(checkpoint, &registry, 1, &Waiting::on("reading the checkpoint"));
     let trainer = loaded.map_err(from_checkpoint_error)?;
     refuse_input("--out", &path, trainer.data().map(|data| data.file.as_path()).into_iter())?;

@@ -55,13 +55,13 @@ fn convert(args: &ConvertArgs, registry: &Registry) -> Result<String, Report> {
     let files = format.write(&grid, output);
     let warnings = warnings(&grid);
     drop(converting);
-    warnings.iter().for_each(|warning| eprint_line(warning));
+    warnings.iter().for_each(|warning| eprint_line(&format!("warning: {warning}")));
     for (path, _) in &files {
         refuse_input("OUT", path, std::iter::once(input).chain(args.scen.as_deref()))?;
         refuse_existing(path, args.overwrite)?;
     }
     for loss in losses(args, &grid, format)? {
-        eprint_line(&format!("{}: {loss}", sanitized(grid.name())));
+        eprint_line(&format!("warning: {}: {loss}", sanitized(grid.name())));
     }
     let written = files.iter().map(|(path, bytes)| prepare_file(path, bytes));
     written.collect::<Result<Vec<_>, _>>()?.into_iter().map(|place| place()).collect()
@@ -79,22 +79,22 @@ fn losses(args: &ConvertArgs, grid: &Grid, format: &MapFormat) -> Result<Vec<Str
     if !lost.is_empty() {
         let keep = FORMATS.iter().filter(|format| format.loses.is_empty());
         let keep = keep.map(|format| format.name).collect::<Vec<_>>().join(", ");
-        said.push(format!("warning: the file has no {lost}; formats that keep them: {keep}"));
+        said.push(format!("the file has no {lost}; formats that keep them: {keep}"));
     }
     let MapScale { goal_radius, .. } = grid.scale();
     if goal_radius != MapScale::default().goal_radius {
         let keep = format!("give --goal-radius {goal_radius} with it");
-        said.push(format!("warning: no file of a map has a goal radius: {keep}"));
+        said.push(format!("no file of a map has a goal radius: {keep}"));
     }
     if grid.scale().benchmark.is_some() {
-        said.push("warning: the tasks of the benchmark are not written".to_owned());
+        said.push("the tasks of the benchmark are not written".to_owned());
     }
     if let Some(agents) = map::agents_of(&args.input).map_err(from_map_error)?
         && with_tasks(grid, agents.tasks(grid).map_err(from_map_error)?) != *grid
     {
         let file = sanitized(&args.input.to_string_lossy());
         let keep = format!("--scen {file} makes them starts and goals");
-        said.push(format!("warning: its agents are not written: {keep}"));
+        said.push(format!("its agents are not written: {keep}"));
     }
     Ok(said)
 }

@@ -13,7 +13,6 @@ use crate::setup::outputs::{refuse_existing, refuse_input, refuse_other_kind, sa
 use crate::setup::saves::{self, SAVES, recovered, resume_command};
 use crate::setup::values::EditAt;
 use crate::setup::{self, Setup, settings};
-use crate::tui::ignores;
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
 use gdg::files;
 use gdg::job::Job;
@@ -32,7 +31,8 @@ pub fn settings_to_print(
     check_options(args, resumed.as_deref(), registry)?;
     let Some(path) = resumed else { return settings(&args.run, args.map(), registry) };
     // Nothing is run that a checkpoint names.
-    let loaded = train::load_with(&path, &registry.clone().only_reading(), 1, progress);
+    let registry = registry.clone().with(|own| own.options.reads_only = true);
+    let loaded = train::load_with(&path, &registry, 1, progress);
     Ok(loaded.map_err(from_checkpoint_error)?.run().settings.clone())
 }
 
@@ -97,7 +97,7 @@ pub fn prepare(
     }
     let method = &trainer.run().method;
     let given = args.run.set.iter().filter_map(|set| Setting::named(set.split_once('=')?.0.trim()));
-    let idle = given.filter(|setting| ignores(method, setting, registry));
+    let idle = given.filter(|setting| registry.is_idle(setting, method));
     warnings.extend(idle.map(|idle| format!("--set {}: changes nothing with {method}", idle.name)));
     warnings.extend(trainer.world().take_warnings());
     if let Some(path) = &args.scen {
@@ -203,7 +203,7 @@ fn load_scenario(
     }
     maze.set_scenario(tasks);
     let other = scenario.other_map(maze.map());
-    Ok(other.map(|problem| format!("warning: {}: {problem}", sanitized(&path.to_string_lossy()))))
+    Ok(other.map(|problem| format!("{}: {problem}", sanitized(&path.to_string_lossy()))))
 }
 
 /// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one
@@ -304,7 +304,8 @@ pub fn registry_of_suite(
     let mut given = maps.iter().filter(is_world).flat_map(|name| reading.only_for_maps(name));
     let goal_radius = reading.goal_radius.map(|radius| radius as f32);
     let options = GymOptions { goal_radius, python: python.clone(), ..GymOptions::default() };
-    given.next().map_or_else(|| Ok(registry.clone().with_gym(options)), |it| Err(not_a_maze(it)))
+    let with_options = || Ok(registry.clone().with(|own| own.options = options));
+    given.next().map_or_else(with_options, |it| Err(not_a_maze(it)))
 }
 
 fn not_a_maze(option: &str) -> Report {

@@ -142,7 +142,7 @@ fn opener(args: &OpenArgs, registry: &Arc<Registry>) -> Result<Opener, Report> {
     let mut train = Cli::try_parse_from(["gdg-tui"]).into_diagnostic()?.train;
     train.log_level = args.screen.log_level;
     let options = GymOptions { python: args.python.clone(), ..GymOptions::default() };
-    let registry = registry.clone().with_gym(options);
+    let registry = registry.clone().with(|own| own.options = options);
     Ok(Arc::new(move |wish, progress| match wish.beside {
         None => {
             let look = |records| TrainedElsewhere::look(wish.file.clone(), records);
@@ -176,8 +176,7 @@ fn wait_for(file: &Path) {
         !file.exists() && absolute(file).is_ok_and(|file| file.parent().is_some_and(Path::exists))
     };
     if is_named_like_one(file) && is_to_come() {
-        let text = "not there yet: waiting for its first save (Ctrl-C cancels)";
-        eprint_line(&format!("{}: {text}", file.display()));
+        eprint_line(&format!("{}: not saved yet: waiting (Ctrl-C cancels)", file.display()));
         while is_to_come() {
             std::thread::sleep(Duration::from_secs(1));
         }

@@ -19,8 +19,8 @@ use gdg::train::{Registry, print_settings};
 
 /// Trains, or prints what it would train with.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
-    let options = args.gym.options(args.reading.goal_radius);
-    let registry = &registry.clone().with_gym(options).with_data(args.data.clone());
+    let (options, data) = (args.gym.options(args.reading.goal_radius), args.data.clone());
+    let registry = &registry.clone().with(|own| (own.options, own.data) = (options, data));
     if args.print_config {
         let opening = Waiting::on(prepare::opening(args));
         let settings = prepare::settings_to_print(args, registry, &opening);

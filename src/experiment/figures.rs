@@ -47,15 +47,15 @@ pub struct FigureOptions {
     pub budget: Budget,
 
     /// Train every job for N updates instead
-    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
+    #[arg(long = "max-updates", alias = "updates", value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub updates: Option<u64>,
 
     /// Train every job for N episodes instead
-    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = counts::<u64>(1..=1 << 53))]
+    #[arg(long = "max-episodes", alias = "episodes", value_name = "N", conflicts_with = "updates", value_parser = counts::<u64>(1..=1 << 53))]
     pub episodes: Option<u64>,
 
     /// Train every job for N environment steps instead
-    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = counts::<u64>(1..=1 << 53))]
+    #[arg(long = "max-steps", alias = "steps", value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = counts::<u64>(1..=1 << 53))]
     pub steps: Option<u64>,
 
     /// Runs per method in figures over several seeds, with seeds 1, 2, ...

@@ -338,15 +338,15 @@ impl RunColumn {
 pub fn table(mut runs: Vec<Arc<SavedRun>>) -> String {
     runs.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
     let is_common = |set: &String| runs.iter().all(|run| run.settings.contains(set));
-    let row = |run: &Arc<SavedRun>| {
-        let mut cells = COLUMNS.each_ref().map(|column| (column.cell)(run));
-        let own = run.settings.iter().filter(|set| !is_common(set));
-        own.for_each(|set| cells[1] += &format!(", {}", sanitized(set)));
-        cells[COLUMNS.len() - 1] = sanitized(&run.source.to_string_lossy());
-        cells.to_vec()
+    let row = |run: &Arc<SavedRun>| -> Vec<String> {
+        let cells = COLUMNS[..COLUMNS.len() - 1].iter().map(|column| (column.cell)(run));
+        let own: Vec<_> = run.settings.iter().filter(|set| !is_common(set)).cloned().collect();
+        cells.chain([&*run.source.to_string_lossy(), &own.join(", ")].map(sanitized)).collect()
     };
-    let head = COLUMNS.each_ref().map(|column| column.name.to_owned()).to_vec();
-    aligned(&std::iter::once(head).chain(runs.iter().map(row)).collect::<Vec<_>>())
+    let rows: Vec<_> = runs.iter().map(row).collect();
+    let own = rows.iter().any(|row| !row[COLUMNS.len()].is_empty()).then_some("settings");
+    let head = COLUMNS.iter().map(|column| column.name).chain(own).map(str::to_owned).collect();
+    aligned(&[vec![head], rows].concat())
 }
 
 /// Returns the preset, the settings that differ from it, and what else runs differ in: seeds are

@@ -16,7 +16,7 @@ use super::spec::{JobResult, JobSpec, JobWorld};
 use super::variants::{Ablation, variants};
 use crate::process::errors::{from_map_error, print};
 use crate::process::waiting::Waiting;
-use crate::setup::find_maps::{MapArgs, find_map, known_name, warn, warnings};
+use crate::setup::find_maps::{MapArgs, find_map, known_name, warnings};
 use crate::setup::values::{MethodParser, counts, methods_help};
 use crate::setup::{self, RunChoice, SettingsBase};
 use gdg::env::maze;
@@ -184,7 +184,7 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Job
     let maze = |map: Grid| JobWorld::Maze(Arc::new(map));
     if !name.is_dir() || name.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(name, reading, registry)?;
-        warn(&map);
+        warnings(&map).iter().for_each(|own| eprint_line(&format!("warning: {own}")));
         return Ok(vec![maze(map)]);
     }
     let folder = name.display();
@@ -214,7 +214,7 @@ fn worlds(name: &Path, reading: &Reading, registry: &Registry) -> Result<Vec<Job
     };
     let loaded = files.iter().enumerate().map(load).collect::<Result<Vec<_>, Report>>()?;
     drop(working);
-    loaded.iter().flat_map(|(warnings, _)| warnings).for_each(|warning| eprint_line(warning));
+    loaded.iter().flat_map(|(all, _)| all).for_each(|own| eprint_line(&format!("warning: {own}")));
     Ok(loaded.into_iter().map(|(_, map)| maze(map)).collect())
 }
 

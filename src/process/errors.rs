@@ -38,7 +38,9 @@ pub fn print(text: &str) -> Result<(), Report> {
 }
 
 pub fn print_error(error: &Report) {
-    eprint_raw(format!("{:?}", Report::new(ExplainedError::sanitized(error))).trim_end());
+    let text = format!("{:?}", Report::new(ExplainedError::sanitized(error)));
+    // As those of clap begin, about the command line.
+    eprint_raw(&text.trim().replacen(['\u{d7}', 'x'], "error:", 1));
 }
 
 /// An error with a hint and, for a file, an excerpt of the offending part.
@@ -117,14 +119,8 @@ impl SourceCode for QuotedExcerpt {
         let from = if alone { span.offset().min(text.len()) } else { 0 };
         let column = first_column + text[..from].chars().count();
         let data = &text.as_bytes()[from..];
-        Ok(Box::new(MietteSpanContents::new_named(
-            file.clone(),
-            data,
-            (from, data.len()).into(),
-            *line,
-            column,
-            1,
-        )))
+        let span = (from, data.len()).into();
+        Ok(Box::new(MietteSpanContents::new_named(file.clone(), data, span, *line, column, 1)))
     }
 }
 

@@ -10,7 +10,6 @@ use miette::{Report, miette};
 use crate::process::errors::from_map_error;
 use crate::setup::values::{counts, reals};
 use gdg::map::{self, Cell, Components, Grid, MapError, MapScale, Reading};
-use gdg::printing::eprint_line;
 use gdg::text::{counted, did_you_mean, sanitized};
 use gdg::train::Registry;
 
@@ -77,13 +76,9 @@ impl From<&MapArgs> for Reading {
     }
 }
 
-pub fn warn(grid: &Grid) {
-    warnings(grid).iter().for_each(|warning| eprint_line(warning));
-}
-
 /// Returns warnings about a map for its user, with its name: the first of its faults, too.
 pub fn warnings(grid: &Grid) -> Vec<String> {
-    let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
+    let named = |problem| format!("{}: {problem}", sanitized(grid.name()));
     let first = faults(grid).into_iter().next();
     doubts(grid).into_iter().chain(first).map(named).collect()
 }

@@ -28,6 +28,10 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
             path.display()
         ));
     }
+    if own && belongs_to_result(path) {
+        let help = "give --save another name: the report has the job as it ended";
+        return Err(miette!(help = help, "{}: belongs to a finished job", path.display()));
+    }
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
         let problem = "is not a checkpoint of gdg-tui: it is not replaced";
@@ -35,6 +39,12 @@ pub fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<S
     }
     let to = if own || overwrite { SaveTo::Replace } else { SaveTo::CreateNew };
     Ok(to(path.to_owned()))
+}
+
+/// Whether a checkpoint is that of a finished job, whose result lies beside it.
+pub fn belongs_to_result(checkpoint: &Path) -> bool {
+    let is_job = |path: PathBuf| path.parent().is_some_and(|folder| folder.ends_with("jobs"));
+    absolute(checkpoint).is_ok_and(is_job) && checkpoint.with_extension("json").is_file()
 }
 
 /// Checks that the output file of an `option` is not one of the command's inputs, the image of one, or
@@ -74,9 +84,8 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     if let Ok(found) = path.metadata()
         && !found.is_file()
     {
-        let kind = if found.is_dir() { "a folder" } else { "not a regular file" };
         let (file, help) = (path.display(), "give the name of a file");
-        return Err(miette!(help = help, "{file}: cannot be written: it is {kind}"));
+        return Err(miette!(help = help, "{file}: cannot be written: it is not a regular file"));
     }
     if overwrite {
         return Ok(());

@@ -43,17 +43,10 @@ pub const LETTERS: [char; 2] = ['A', 'B'];
 /// The pause after an evaluation, as a multiple of its duration.
 const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
-/// What is known of a side besides its session.
-struct Side {
-    /// Letter, method, preset, and settings of this side alone.
-    title: String,
-    /// What its colours and its preset mean, where that is not obvious.
-    about: Option<String>,
-}
-
 pub struct Comparison {
     pub sessions: [Session; 2],
-    sides: [Side; 2],
+    /// Letter, method, preset, and settings of each side alone.
+    titles: [String; 2],
     race: Race,
     pub axis: XAxis,
     mouse_on: usize,
@@ -72,8 +65,7 @@ fn start_side(
     config: &UiConfig,
     keymap: &Keymap,
     limits: Limits,
-) -> Result<(Session, Side, Engine), Report> {
-    let side = Side { title, about: contenders::about(trainer.run(), trainer.registry()) };
+) -> Result<(Session, String, Engine), Report> {
     // A method with slow evaluations must not be judged by its first steps.
     let evaluations = EngineCommand::PauseEvaluations(EVALUATION_PAUSE_FACTOR);
     // A saved run is shown as it was saved, without another update.
@@ -85,7 +77,7 @@ fn start_side(
     watching::set_on_arrival(&mut session, OnArrival::Wait);
     // A failed run needs no dialog: its title says what happened.
     session.saver.offers = false;
-    Ok((session, side, engine))
+    Ok((session, title, engine))
 }
 
 fn maze_of(session: &Session) -> &MazeState {
@@ -114,7 +106,7 @@ impl Comparison {
             layout: ScreenLayout::default(),
             failed: false,
             sessions: [first, second],
-            sides: [a, b],
+            titles: [a, b],
         };
         let start = comparison.race.random_start(goal);
         comparison.start_race(start, goal);
@@ -279,6 +271,14 @@ impl Comparison {
         }
     }
 
+    /// Shows both as they were at an update of which both have a frame.
+    pub fn step_through_film(&mut self, action: Action) {
+        let [a, b] = self.sessions.each_ref().map(|own| own.screen.snapshot.film.clone());
+        for (session, other) in self.sessions.iter_mut().zip([b, a]) {
+            watching::step_through_film(session, action == Action::Forth, Some(&other));
+        }
+    }
+
     pub fn new_goal(&mut self, action: Action) {
         self.sessions[0].act(action);
         self.goal_from(0);
@@ -309,11 +309,12 @@ impl Comparison {
     }
 
     pub fn open_help(&mut self, _: Action) {
-        let about = self.sides.each_ref().map(|side| (&*side.title, side.about.as_deref()));
-        let introduction = contenders::introduction(about);
+        let methods = self.sessions.each_ref().map(|session| &session.screen.run().method);
+        let own = || contenders::introduction(methods);
+        let introduction = if self.is_editing() { lists::EDITOR.to_owned() } else { own() };
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
-        let modes = [Mode::Comparing, Mode::EditingBoth];
+        let modes = [self.mode(), Mode::EditingBoth];
         let fields = fields.map(lists::field_item);
         let help = lists::help_in(&modes, &cx.screen, &cx.scene, &introduction, fields);
         self.sessions[0].open(help);

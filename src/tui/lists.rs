@@ -3,12 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use jiff::Timestamp;
-use jiff::tz::TimeZone;
-
 use super::dialog::{Choice, Item, Picker};
+use crate::experiment::saved_runs::{COLUMNS, SavedRun, WRITTEN, name};
 use crate::process::logging;
-use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
+use crate::tui::action::{Action, Binding, ListAction, Mode, SECTIONS, bindings};
 use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;
 use crate::tui::pane_text::clock;
@@ -20,10 +18,10 @@ use gdg::bridge::Planner;
 use gdg::engine::Snapshot;
 use gdg::env::WorldKind;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
-use gdg::text::{fitted, grouped, padded};
+use gdg::text::{aligned, fitted, grouped, padded};
 use gdg::train::{
-    CheckpointError, LogEntry, METHODS, Method, NamedMethod, Preset, Registry, Run, RunDescription,
-    SETTINGS, Setting, USUAL, about_setting, list_settings,
+    LogEntry, METHODS, Method, NamedMethod, Preset, Registry, Run, SETTINGS, Setting, USUAL,
+    about_setting, list_settings,
 };
 use gdg::viewer::Field;
 
@@ -40,9 +38,17 @@ const COMMANDS: [&str; 4] = [
     "gdg-tui suite: many maps, methods, settings and seeds",
 ];
 
+/// What the help says in the editor, of one run or two.
+pub const EDITOR: &str = "Draw by mouse, or at the cursor: the agents learn the new map at once. S and G of \
+     the map's file are shown as s and g, as S and G are those of the walk. What is drawn is saved with \
+     the run, and as a map of its own.";
+
 /// The help: what is seen, what can be done on this screen, with its keys, the fields to show, the
 /// settings, and what the numbers mean. Typing searches it, and Enter does what is selected.
 pub fn help(screen: &Screen, scene: &Scene) -> Picker {
+    if scene.is_editing() {
+        return help_in(&[Mode::Editing], screen, scene, EDITOR, std::iter::empty());
+    }
     let modes = [Mode::Watching, Mode::Editing, scene.mode(screen)];
     let fields = Field::ALL.into_iter().filter(|field| scene.has_field(*field, screen));
     let settings = setting_items(screen).into_iter().map(|setting| {
@@ -61,9 +67,14 @@ pub fn help_in(
     more: impl Iterator<Item = Item>,
 ) -> Picker {
     let is_here = |b: &&Binding| scene.offers(b.action) && modes.iter().any(|m| b.is_active(*m));
-    let actions = SECTIONS.iter().flat_map(|section| {
+    // In the editor, what is its own comes first.
+    let is_own = |b: &Binding| b.when == Some(Mode::Editing) && scene.is_editing();
+    let (first, others): (Vec<_>, Vec<_>) =
+        SECTIONS.iter().partition(|section| section.bindings.iter().any(is_own));
+    let actions = first.into_iter().chain(others).flat_map(|section| {
         section.bindings.iter().filter(is_here).map(|b| {
-            let label = format!("{}{}", scene.wording(b), b.place());
+            let place = if scene.is_editing() { "" } else { b.place() };
+            let label = format!("{}{place}", scene.wording(b));
             action_item(b, label, &screen.keymap).within(section.title)
         })
     });
@@ -178,27 +189,12 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
     items
 }
 
-/// Settings of plans, of D as it is learned, and of learning from rewards.
-const OF_PLANS: &str = "graph_bounds actor_waypoints distillation short_pairs imagined_walks hop_steps \
-                        bridge_epsilon planned_episodes frontier_epsilon open_loop progress_check lookahead";
-const OF_D: &str = "distance_scale_steps n_step pessimism expectile greedy_targets model_check \
-                    hindsight_bound unblock_actor max_distance_steps loss";
-const OF_REWARDS: &str = "actor_l2 discount target_noise";
-
-/// Whether a setting changes nothing in runs of `method`.
-pub fn ignores(method: &Method, setting: &Setting, registry: &Registry) -> bool {
-    let of = |names: &str| names.split_whitespace().any(|name| name == setting.name);
-    let rewarded = registry.learner(&method.learner).map(|kind| kind.is_rewarded);
-    !method.plans() && (setting.group == "bridges" || of(OF_PLANS))
-        || rewarded.is_ok_and(|is| of(if is { OF_D } else { OF_REWARDS }))
-}
-
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
 fn setting_item(setting: &Setting, now: &str, default: &str, screen: &Screen) -> Item {
     let (Setting { name, about, .. }, Run { method, preset, .. }) = (setting, screen.run());
     let of = (*preset != Preset::Default).then(|| format!(" in the preset {}", preset.name()));
     let of = of.unwrap_or_default();
-    let is_idle = ignores(method, setting, &screen.snapshot.registry);
+    let is_idle = screen.snapshot.registry.is_idle(setting, method);
     let idle = if is_idle { format!("unused by {method}: ") } else { String::new() };
     let below = about_setting(setting, &format!("Now {now}; {default} by default{of}"));
     let detail = format!("{}  {idle}{about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
@@ -219,6 +215,16 @@ pub fn quit_choices(lost: String, file: &Path) -> Picker {
         Item::new("stay", "", Choice::Nothing).on('n'),
     ];
     Picker::new("quit? not all is saved", items)
+}
+
+/// Asks whether to delete files; nothing is lost unless that is chosen.
+pub fn deletion(what: &str, names: String) -> Picker {
+    let delete = Choice::Act(Action::List(ListAction::Delete));
+    let items = vec![
+        Item::new("stay", "", Choice::Nothing).on('n'),
+        Item::new("delete", "for good", delete).on('d'),
+    ];
+    Picker::new(format!("delete {what}?"), items).explaining(names)
 }
 
 pub fn quit_comparison() -> Picker {
@@ -327,39 +333,31 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
     Picker::new(format!("open a map: {}", folder.display()), items)
 }
 
-/// Lists messages, the latest first, with their moments in seconds of training and updates.
+/// Lists messages, the latest first, with their moments in seconds of training; the selected one with
+/// its update.
 pub fn messages(log: &[LogEntry]) -> Option<Picker> {
-    let item = |entry: &LogEntry| {
-        let at = format!("{} at {}", clock(entry.seconds), grouped(entry.updates));
-        Item::new(entry.text.clone(), at, Choice::Nothing)
+    let item = |LogEntry { text, seconds, updates }: &LogEntry| Item {
+        below: vec![format!("{text} (update {})", grouped(*updates))],
+        ..Item::new(format!("{} {text}", clock(*seconds)), "", Choice::Nothing)
     };
     let items: Vec<Item> = log.iter().rev().map(item).collect();
     (!items.is_empty()).then(|| Picker::new("messages", items))
 }
 
-/// A checkpoint's summary, or why it cannot be loaded.
-pub type Described = Result<RunDescription, CheckpointError>;
-
-/// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last,
-/// with the reason.
-pub fn checkpoints(mut found: Vec<Described>, zone: &TimeZone) -> Picker {
-    found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
-    let name = |file: &Path| {
-        file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default()
+/// Lists checkpoints, the latest first, with the columns of lists of runs; those that cannot be loaded
+/// come last, with the reason.
+pub fn checkpoints(mut found: Vec<Arc<SavedRun>>) -> Picker {
+    found.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
+    let columns = || COLUMNS.iter().filter(|column| column.name != "state");
+    let cells = |run: &Arc<SavedRun>| columns().map(|column| (column.cell)(run)).collect();
+    let rows = aligned(&found.iter().map(cells).collect::<Vec<Vec<String>>>());
+    let item = |(run, row): (&Arc<SavedRun>, &str)| match &run.problem {
+        Some(problem) => {
+            Item::new(name(&run.source), format!("not loaded{problem}"), Choice::Nothing)
+        }
+        None => Item::new(row, "", Choice::Load(run.source.clone())),
     };
-    let item = |found: &Described| match found {
-        Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
-        Err(e) => Item::new(name(&e.file), format!("not loaded: {}", e.problem), Choice::Nothing),
-    };
-    Picker::new("load a checkpoint", found.iter().map(item).collect())
-}
-
-fn about(d: &RunDescription, zone: &TimeZone) -> String {
-    let success = d.success.map_or("not evaluated".to_owned(), |s| s.to_string());
-    let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
-    let date =
-        written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());
-    let (method, megabytes) = (d.run.method.name(), d.bytes as f64 / 1e6);
-    let updates = grouped(d.updates);
-    format!("{date}, {success}, {updates} updates, {} {method}, {megabytes:.1} MB", d.title)
+    let names = columns().map(|column| column.name).collect::<Vec<_>>().join(", ");
+    let title = format!("load a checkpoint ({names})");
+    Picker::new(title, found.iter().zip(rows.lines()).map(item).collect())
 }

@@ -10,6 +10,30 @@ pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
     Line::from(vec![Span::styled(format!(" {name:<11}"), DIM), Span::raw(value.to_string())])
 }
 
+/// A number with its name, and what follows it where there is room.
+pub type Number = (&'static str, String, String);
+
+pub fn number((name, value, aside): Number) -> Line<'static> {
+    fact(name, value + &aside)
+}
+
+/// Returns numbers in lines of two, so that those of two runs beside each other line up: where room is
+/// short without what follows them.
+pub fn in_pairs(numbers: &[Number], columns: u16) -> Vec<Line<'static>> {
+    let line = |numbers: &[Number], is_whole: bool| -> Line {
+        let spans = numbers.iter().flat_map(|(name, value, aside)| {
+            let value = if is_whole { format!("{value}{aside}") } else { value.clone() };
+            [Span::styled(format!(" {name} "), DIM), Span::raw(value + " ")]
+        });
+        spans.collect()
+    };
+    let row = |pair| {
+        let whole = line(pair, true);
+        if whole.width() <= usize::from(columns) + 1 { whole } else { line(pair, false) }
+    };
+    numbers.chunks(2).map(row).collect()
+}
+
 /// Minimum width for explanations beside numbers, and the column in which they start.
 pub const EXPLAINED_WIDTH: usize = 79;
 pub const EXPLANATION_COLUMN: usize = 33;

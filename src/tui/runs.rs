@@ -87,9 +87,10 @@ pub struct RunsScreen {
     words: Input,
     is_typing: bool,
     curves: (Measure, XAxis),
-    /// A question, and the files that are deleted if the user agrees.
-    deletion: Option<(String, Written)>,
-    help: Option<Dialog>,
+    /// The files that are deleted if the user agrees.
+    deletion: Option<Written>,
+    /// The help, or the question whether to delete files.
+    dialog: Option<Dialog>,
     log: Log,
     theme: Theme,
     keymap: Keymap,
@@ -152,7 +153,7 @@ impl RunsScreen {
             is_typing: false,
             curves: Default::default(),
             deletion: None,
-            help: None,
+            dialog: None,
             log: Log::default(),
             theme: Theme::new(config.theme, ColourDepth::detect()),
             keymap,
@@ -233,22 +234,15 @@ impl RunsScreen {
     }
 
     fn on_key(&mut self, key: KeyEvent) {
-        self.log.dismiss();
+        // What a key was refused for is no longer of interest.
+        self.log.take();
         let action = self.keymap.action(key, Mode::Listing);
         if action == Some(Action::Quit) && key.modifiers.contains(KeyModifiers::CONTROL) {
             return self.act(Action::Quit);
         }
-        if let Some(help) = &mut self.help {
-            let reply = help.key(key);
-            self.follow_help(reply);
-        } else if let Some((_, files)) = self.deletion.take() {
-            if matches!(key.code, KeyCode::Char('y' | 'Y')) {
-                self.list.clear_marks();
-                if let Some(done) = self.tell(delete(&files)) {
-                    self.log.show(&done, false);
-                }
-                self.look_again();
-            }
+        if let Some(dialog) = &mut self.dialog {
+            let reply = dialog.key(key);
+            self.follow_dialog(reply);
         } else if self.is_typing {
             self.on_key_in_words(key);
         } else if let Some(action) = action {
@@ -259,18 +253,28 @@ impl RunsScreen {
         }
     }
 
-    /// Closes the help, or does what has been picked in it.
-    fn follow_help(&mut self, reply: Reply) {
+    /// Closes the dialog, or does what has been picked in it.
+    fn follow_dialog(&mut self, reply: Reply) {
         if matches!(reply, Reply::Stays) {
             return;
         }
-        let choice = match self.help.take() {
-            Some(Dialog::Pick(list)) => list.choice().cloned(),
-            _ => None,
+        let (asked, choice) = match self.dialog.take() {
+            Some(Dialog::Pick(list)) => (self.deletion.take(), list.choice().cloned()),
+            _ => (None, None),
         };
-        if let (Reply::Accepts, Some(Choice::Act(action))) = (reply, choice) {
-            self.act(action);
+        match (reply, choice, asked) {
+            (Reply::Accepts, Some(Choice::Act(_)), Some(files)) => self.delete(&files),
+            (Reply::Accepts, Some(Choice::Act(action)), None) => self.act(action),
+            _ => {}
         }
+    }
+
+    fn delete(&mut self, files: &Written) {
+        self.list.clear_marks();
+        if let Some(done) = self.tell(delete(files)) {
+            self.log.show(&done, false);
+        }
+        self.look_again();
     }
 
     /// Handles a key while words are typed: Enter keeps them, Esc removes them.
@@ -288,7 +292,7 @@ impl RunsScreen {
     fn act(&mut self, action: Action) {
         match action {
             Action::Move(_, rows) => self.list.step(rows),
-            Action::Help => self.help = Some(lists::help_of_lists(&self.keymap).into()),
+            Action::Help => self.dialog = Some(lists::help_of_lists(&self.keymap).into()),
             Action::Close => self.close_top(),
             Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
             Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
@@ -326,7 +330,11 @@ impl RunsScreen {
                     self.wish = self.tell(self.list.to_open());
                 }
             }
-            ListAction::Delete => self.deletion = self.tell(self.list.to_delete()),
+            ListAction::Delete => {
+                let asked = self.tell(self.list.to_delete());
+                (self.dialog, self.deletion) =
+                    asked.map(|(question, files)| (question.into(), files)).unzip();
+            }
         }
     }
 
@@ -347,9 +355,9 @@ impl RunsScreen {
     /// column's name sorts.
     fn on_mouse(&mut self, mouse: MouseEvent) {
         let at = Position::new(mouse.column, mouse.row);
-        if let Some(help) = &mut self.help {
-            let reply = help.mouse(mouse.kind, at, &self.places.layout);
-            return self.follow_help(reply);
+        if let Some(dialog) = &mut self.dialog {
+            let reply = dialog.mouse(mouse.kind, at, &self.places.layout);
+            return self.follow_dialog(reply);
         }
         match mouse.kind {
             MouseEventKind::ScrollUp => self.list.step(-WHEEL),
@@ -360,11 +368,9 @@ impl RunsScreen {
     }
 
     fn on_click(&mut self, at: Position) {
-        self.log.dismiss();
-        match self.places.layout.click(at) {
-            Some(Click::Act(action)) => return self.act(action),
-            _ if self.deletion.is_some() => return,
-            _ => {}
+        self.log.take();
+        if let Some(Click::Act(action)) = self.places.layout.click(at) {
+            return self.act(action);
         }
         if let Some((_, column)) = self.places.columns.iter().find(|(area, _)| area.contains(at)) {
             return self.list.sort_by(*column);
@@ -418,8 +424,8 @@ impl Interface for RunsScreen {
         match event {
             Event::Key(key) if !key.is_release() => self.on_key(*key),
             Event::Mouse(mouse) => self.on_mouse(*mouse),
-            Event::Paste(text) if self.help.is_some() => {
-                self.help.iter_mut().for_each(|help| help.paste(text));
+            Event::Paste(text) if self.dialog.is_some() => {
+                self.dialog.iter_mut().for_each(|dialog| dialog.paste(text));
             }
             Event::Paste(text) if self.is_typing => {
                 let line = text.lines().next().unwrap_or_default();

@@ -66,10 +66,6 @@ pub trait SceneKind {
         [1.0; 2]
     }
 
-    fn is_at_wall(&self, _at: &[f32]) -> bool {
-        false
-    }
-
     fn view(&self) -> &View;
 
     fn goal(&self) -> Vec<f32>;

@@ -330,7 +330,7 @@ impl Session {
         self.cache.begin();
         let Cx { screen, scene, .. } = &self.cx;
         let mut layout = render::draw_panes(frame, screen, scene, &mut self.cache);
-        draw_dialog(frame, screen, &mut layout);
+        draw_dialog(frame, screen, screen.log.notice(), &mut layout);
         render::finish_frame(frame, &screen.theme);
         self.drawn(layout);
     }

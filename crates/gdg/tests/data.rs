@@ -105,7 +105,7 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     let error = lost.tick().unwrap_err();
     assert!(matches!(error, TrainError::Data(_)) && lost.policy().is_ok(), "{error:?}");
     assert!(error.to_string().contains("--data FILE if they are elsewhere"), "{error}");
-    let elsewhere = Registry::builtin().with_data(Some(moved.clone()));
+    let elsewhere = Registry::builtin().with(|own| own.data = Some(moved.clone()));
     let mut found = train::load(&checkpoint, &elsewhere, 1).unwrap();
     train_to(&mut found, 250);
     assert_eq!(found.data().unwrap().file, moved, "it is known from now on");
@@ -123,7 +123,7 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     let named = folder.path().join("named.npz");
     std::fs::rename(&file, &named).unwrap();
     std::fs::rename(&moved, &file).unwrap();
-    let named = Registry::builtin().with_data(Some(named));
+    let named = Registry::builtin().with(|own| own.data = Some(named));
     let error = train::load(&checkpoint, &named, 1).unwrap().check_data().unwrap_err();
     assert!(error.to_string().contains("named.npz: is not what the run"), "{error}");
 }

@@ -9,7 +9,7 @@ use crate::tui::compare::Comparison;
 use crate::tui::interface::TerminalRequest;
 use crate::tui::lists;
 use crate::tui::session::{Session, change_run, disk, watching};
-use gdg::engine::Step;
+use gdg::engine::{EngineCommand, Step};
 
 type Perform = fn(&mut Session, A);
 
@@ -82,7 +82,7 @@ impl Binding {
         if !session.scene.offers(self.action) {
             let title = session.scene.title(&session.screen.snapshot);
             let text = match self.action {
-                A::Projection | A::Alone => format!("{title} has one view"),
+                A::Projection | A::Alone => format!("{title} has one projection"),
                 A::ToggleEdit => format!("{title} cannot be edited"),
                 A::Toggle(Overlay::Ghost) => {
                     format!("{title}: the actor alone cannot begin in the state where a plan does")
@@ -184,7 +184,7 @@ const TRAINING: &[Binding] = &[
         .about("more updates per second", "speed fast quick rate limit unlimited accelerate max"),
     bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
-    bind(A::Evaluate, "evaluate", &["y"], |s, _| watching::evaluate(s))
+    bind(A::Evaluate, "evaluate", &["y"], |s, _| _ = s.screen.command(EngineCommand::Evaluate))
         .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
         .each(),
     watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| change_run::ask_to_restart(s))
@@ -282,12 +282,12 @@ const VIEW: &[Binding] = &[
     scene(A::Pan(0, 1), "pan-down", &["shift-down", "alt-down"])
         .about("pan the map downwards", "scroll")
         .each(),
-    watch(A::Back, "back-in-time", &["["], |s, _| watching::step_through_film(s, false))
+    watch(A::Back, "back-in-time", &["["], |s, _| watching::step_through_film(s, false, None))
         .about("go back in time: what was learned by then", "past history film rewind earlier")
-        .each(),
-    watch(A::Forth, "forth-in-time", &["]"], |s, _| watching::step_through_film(s, true))
+        .own(Comparison::step_through_film),
+    watch(A::Forth, "forth-in-time", &["]"], |s, _| watching::step_through_film(s, true, None))
         .about("go forward in time, up to the present", "future now film later next travel movie")
-        .each(),
+        .own(Comparison::step_through_film),
     watch_scene(A::Projection, "projection", &["shift-p"])
         .about("choose the next projection", "side top front orbit rotate camera angle")
         .short("projection"),
@@ -313,9 +313,11 @@ const PANES: &[Binding] = &[
         .short("panes"),
     watch(A::Maximise, "maximise", &["z"], |s, _| s.screen.maximised = !s.screen.maximised)
         .about("maximise or restore the pane", "maximize full screen fullscreen enlarge large"),
-    watch(A::Messages, "messages", &["5"], |s, _| match lists::messages(s.screen.log.entries()) {
-        Some(list) => s.open(list),
-        None => s.screen.say("no messages yet"),
+    watch(A::Messages, "messages", &["shift-m"], |s, _| {
+        match lists::messages(s.screen.log.entries()) {
+            Some(list) => s.open(list),
+            None => s.screen.say("no messages yet"),
+        }
     })
     .about("all messages of this run, the latest first", "log events history notices errors"),
 ];
@@ -345,14 +347,14 @@ const MAP_EDITOR: &[Binding] = &[
 ];
 
 const FILES: &[Binding] = &[
-    bind(A::Save, "save", &["s"], |s, _| s.save())
+    watch(A::Save, "save", &["s"], |s, _| s.save())
         .about("save a checkpoint", "store write keep networks model weights")
         .short("save"),
     bind(A::SaveAs, "save-as", &[], |s, _| {
         s.open(s.saver.ask_file("save the checkpoint as"));
     })
     .about("save a checkpoint under a name", "store write copy rename"),
-    bind(A::TrainCopy, "train-copy", &["t"], |s, _| s.ask_for_copy())
+    bind(A::TrainCopy, "train-copy", &["s"], |s, _| s.ask_for_copy())
         .within(Mode::Elsewhere)
         .about("train a copy of the run that another program trains", "fork continue resume own")
         .short("train a copy"),
@@ -414,9 +416,9 @@ const RUNS: &[Binding] = &[
         "list only runs with all of the words typed: of map, method, settings and file; \
          seed=1 or hidden=64 must be equal",
     ),
-    on_runs(ListAction::Open, "resume-run", &["enter"]).short("resume").help(
-        "resume the selected run, or watch it while another program trains it; of two marked runs, \
-         show side by side what they have learned",
+    on_runs(ListAction::Open, "open-run", &["enter"]).short("open").help(
+        "open the selected run, paused as it was saved, or watch it while another program trains it; \
+         of two marked runs, show both side by side",
     ),
     on_runs(ListAction::Measure, "runs-curves", &["v"]).short("view").help(
         "curves of the next quantity: success, alone, error of D, explored",

@@ -20,7 +20,7 @@ use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading, builtin};
 use gdg::text::sanitized;
-use gdg::train::{self, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
+use gdg::train::{self, METHODS, Method, Overrides, Registry, Run, Trainer, settings_from};
 
 #[derive(Clone, Debug)]
 pub enum Contender {
@@ -264,32 +264,17 @@ impl TypedValueParser for ContenderParser {
 }
 
 const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the same seed. \
-     Colours show the distance D that each has learned; @ walks to G with what it has learned so \
-     far, in both from the same start. Click on either map to set the goal of both. The editor \
-     draws walls and closes doors on both. Only maps are saved.";
+     Colours show the distance D that each has learned (steps by its Q, of those that learn from \
+     rewards); @ walks to G with what it has learned so \
+     far, in both from the same start: a race, which the one that arrives wins, or both. Click on \
+     either map to set the goal of both. The editor draws walls and closes doors on both. Only maps \
+     are saved.";
 
-/// Returns the text that begins the help, given the sides' titles and what is to be explained.
-pub fn introduction(sides: [(&str, Option<&str>); 2]) -> String {
-    let about = sides.map(|(title, about)| about.map(|about| format!(" {title}: {about}.")));
-    INTRODUCTION.to_owned() + &about.into_iter().flatten().collect::<String>()
-}
-
-/// Explains a run's colours and its preset, as far as they are not those of the default method.
-pub fn about(run: &Run, registry: &Registry) -> Option<String> {
-    let colours = match &*run.method.learner {
-        "random" => Some("D of untrained networks"),
-        "gdg-distance" => Some("D: the straight line"),
-        name if registry.learner(name).is_ok_and(|kind| kind.is_rewarded) => {
-            Some("D: steps by its Q")
-        }
-        _ => None,
-    };
-    let preset = match run.preset {
-        Preset::Default => None,
-        Preset::Paper => Some("paper: as published"),
-        Preset::Tuned => Some("tuned: best here"),
-        Preset::Sb3 => Some("sb3: Stable-Baselines3's defaults"),
-    };
-    let parts: Vec<&str> = [colours, preset].into_iter().flatten().collect();
-    (!parts.is_empty()).then(|| parts.join("; "))
+/// Returns the text that begins the help, which says what each method is.
+pub fn introduction(methods: [&Method; 2]) -> String {
+    let named = |method: &Method| METHODS.iter().find(|named| Method::from(*named) == *method);
+    let about = LETTERS.iter().zip(methods).filter_map(|(letter, method)| {
+        named(method).map(|named| format!(" {letter}, {}: {}.", named.name, named.about))
+    });
+    INTRODUCTION.to_owned() + &about.collect::<String>()
 }

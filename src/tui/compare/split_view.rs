@@ -4,11 +4,10 @@
 //! +---------------------------------------------------+
 //! | map, seed, phase                                  |  header
 //! | A method, preset        | B method, preset        |
-//! | what D and preset are   | what D and preset are   |  unless they are obvious
 //! | map                     | map                     |
 //! | meaning of colours      | meaning of colours      |
 //! | facts                   | facts                   |
-//! | success rate over updates                         |  curves
+//! | success over updates                              |  curves
 //! | keys, or a notice                                 |  footer
 //! +---------------------------------------------------+
 //! ```
@@ -20,21 +19,21 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::{Comparison, LETTERS, maze_of};
-use crate::experiment::plot::{Drawable, Measure};
+use super::{Comparison, LETTERS};
+use crate::experiment::plot::Measure;
 use crate::tui::action::{Action, Mode};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
-use crate::tui::pane_text::short;
+use crate::tui::pane_text::in_pairs;
 use crate::tui::render::curves::{Axes, ChartLine, PaneCurve, draw_chart, draw_heading};
 use crate::tui::render::dialog::draw_dialog;
+use crate::tui::render::side::training;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
-use crate::tui::scene::{Drawing, SceneKind};
-use crate::tui::screen::success_of;
+use crate::tui::scene::{Drawing, SceneKind, legend};
 use crate::tui::session::{Cx, Session};
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
-use gdg::train::{Evaluation, SuccessSummary};
+use gdg::train::Evaluation;
 
 /// The smallest screen with room for everything, in columns and rows.
 pub const MIN_SIZE: (u16, u16) = (60, 18);
@@ -66,21 +65,16 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     let areas = [left, right];
     let facts = [0, 1].map(|own| facts(comparison, own, areas[own].width));
     let most = facts.iter().map(Vec::len).max().unwrap_or(0);
-    let explains = comparison.sides.iter().any(|side| side.about.is_some());
     let mut drawn = [ScreenLayout::new(area), ScreenLayout::new(area)];
     for (own, facts) in facts.into_iter().enumerate() {
-        let [title, about, map, meaning, below] = Layout::vertical([
+        let [title, map, meaning, below] = Layout::vertical([
             Constraint::Length(1),
-            Constraint::Length(u16::from(explains)),
             Constraint::Min(0),
             Constraint::Length(1),
             Constraint::Length(most as u16),
         ])
         .areas(areas[own]);
         draw_title(frame, title, comparison, own);
-        let text = comparison.sides[own].about.as_deref().unwrap_or_default();
-        let text = fitted(&format!(" {text}"), usize::from(about.width));
-        frame.render_widget(Span::styled(text, DIM), about);
         drawn[own].map_pane = map;
         let Session { cx: Cx { screen, scene, .. }, cache, .. } = &mut comparison.sessions[own];
         if let Some(maze) = scene.maze() {
@@ -96,11 +90,11 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     draw_curves(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
     let Cx { screen, .. } = &comparison.sessions[0].cx;
-    if let Some(notice) = comparison.notice() {
+    if let Some(notice) = comparison.notice().filter(|_| screen.dialogs.is_empty()) {
         let foot = Rect { y: drawn[0].map_pane.bottom(), ..foot };
         bars::draw_notice(frame, foot, &screen.theme, notice);
     }
-    draw_dialog(frame, screen, &mut drawn[0]);
+    draw_dialog(frame, screen, comparison.notice(), &mut drawn[0]);
     finish_frame(frame, &screen.theme);
     // The same lines on both sides, from the next frame on.
     let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
@@ -149,7 +143,7 @@ fn training_side(comparison: &Comparison) -> &Session {
 
 /// Draws the title of a side: what it is, and whether it has stopped or shows its past.
 fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize) {
-    let (title, screen) = (&comparison.sides[own].title, &comparison.sessions[own].screen);
+    let (title, screen) = (&comparison.titles[own], &comparison.sessions[own].screen);
     let state = match (&screen.snapshot.phase, &screen.past) {
         (Phase::Failed(error), _) => format!("stopped: {error} "),
         (_, Some(past)) => {
@@ -179,63 +173,17 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     .draw(frame, area, layout);
 }
 
+/// Returns what the panes of a single run say: how far it is, what it has learned and how @ walks; and
+/// its races.
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
-    let session = &comparison.sessions[own];
-    let (snapshot, walk) = (&session.screen.snapshot, &maze_of(session).view.reach);
-    let (success, latest) = (success_of(snapshot), snapshot.evaluations.last());
-    let unknown = || "-".to_owned();
-    let rate = |rate: f64| format!("{rate:.2}");
-    let plans = session.screen.run().method.plans();
-    // Unknown values are shown too, so that what follows does not move.
-    let [planned, alone] = [|s: SuccessSummary| s.planned, |s: SuccessSummary| s.greedy]
-        .map(|of| success.map_or_else(unknown, |s| of(s).map_or("no tasks".to_owned(), rate)));
-    let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
-    let error = error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape));
-    let at = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
-    let state = match walk {
-        walk if walk.arrived => "arrived in",
-        walk if walk.gave_up => "gave up at",
-        _ => "walking",
-    };
-    let shortest = walk.shortest.map_or(String::new(), |steps| format!(" (shortest {steps})"));
+    let Session { cx: Cx { screen, scene, .. }, .. } = &comparison.sessions[own];
     let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
-    let raced = if races > 0 { format!("{arrived} of {races}") } else { unknown() };
-    let counters = snapshot.counters;
-    let success = if plans {
-        ("planned", planned, format!(" (alone {alone})"))
-    } else {
-        ("alone", alone, String::new())
-    };
-    let facts = [
-        ("steps", short(counters.env_steps as f64), String::new()),
-        ("updates", short(counters.updates as f64), format!(" ({}/s)", short(snapshot.rates.0))),
-        success,
-        ("races", raced, String::new()),
-        ("error of D", error, format!(" (at {at})")),
-        (state, walk.steps.to_string(), shortest),
-    ];
-    let fact = |(name, value, aside): &(&str, String, String)| {
-        let value =
-            Span::styled(value.clone(), if *name == facts[2].0 { BOLD } else { Style::new() });
-        let name = Span::styled(format!(" {name} "), DIM);
-        let mut line = Line::from(vec![name, value, Span::styled(aside.clone(), DIM)]);
-        if line.width() > usize::from(width) {
-            line.spans.pop();
-        }
-        line
-    };
-    // Two a line, so that those of both sides line up.
-    let mut lines: Vec<Line> = Vec::new();
-    for pair in facts.chunks(2) {
-        let [mut first, second] = [&pair[0], &pair[1]].map(fact);
-        if first.width() + 1 + second.width() <= usize::from(width) {
-            first.spans.extend([Span::raw(" ")].into_iter().chain(second.spans));
-            lines.push(first);
-        } else {
-            lines.extend([first, second]);
-        }
-    }
-    lines
+    let raced = if races > 0 { format!("{arrived} of {races}") } else { "-".to_owned() };
+    let [updates, steps] = training::counters(screen);
+    let [planned, alone, error] = training::scores(screen);
+    let [walk, shortest] = legend::walk(&**scene);
+    let races = ("races", raced, String::new());
+    in_pairs(&[updates, steps, planned, alone, error, races, walk, shortest], width)
 }
 
 /// How far the colour of the actor alone is from its method's to the page's.
@@ -283,7 +231,7 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let now =
         |own| comparison.along(own, comparison.sessions[own].screen.snapshot.counters.updates);
     let last = [0, 1].map(now).into_iter().fold(1.0, f64::max);
-    let title = format!(" {} over {}", Measure::Success.label(), comparison.axis.label());
+    let title = curves::title(Measure::Success, comparison.axis);
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     layout.add(head, Click::Act(Action::Axis));
     if all.iter().all(|curve| curve.points.is_empty()) {

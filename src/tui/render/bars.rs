@@ -20,18 +20,20 @@ use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
 use gdg::text::{fitted, grouped};
 
-/// Names longer than this, in columns, are shortened before anything is left out.
+/// Names of maps longer than this are shortened before anything is left out; and the least of a file's.
 const LONG_TITLE: usize = 24;
+const LEAST_FILE: usize = 12;
 
 pub fn draw_header(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let run = screen.run();
-    let saved = match &screen.snapshot.saved {
-        _ if screen.snapshot.unsaved_updates() > 0 => " unsaved".to_owned(),
-        Some((_, path)) => {
-            path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy()))
-        }
-        None => String::new(),
+    // The file, and the updates that it does not have.
+    let file = screen.snapshot.saved.as_ref().and_then(|(_, path)| path.file_stem());
+    let saved = match (file, screen.snapshot.unsaved_updates()) {
+        (None, 0) => [String::new(), String::new()],
+        (None, _) => [" unsaved".to_owned(), String::new()],
+        (Some(file), 0) => [format!(" {} ", file.display()), String::new()],
+        (Some(file), more) => [format!(" {} ", file.display()), format!("+{}", grouped(more))],
     };
     let speed =
         screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
@@ -45,17 +47,17 @@ pub fn draw_header(page: &mut ScreenPainter, area: Rect) {
         (Span::raw(format!("{} {changed}", run.preset.name())), Action::Preset),
         (Span::raw(format!("seed {} ", run.seed)), Action::NewSeed),
         (Span::styled(format!(" {}{speed}", scene.phase(screen)), BOLD), Action::TogglePause),
-        (Span::styled(saved, DIM), Action::Save),
     ];
-    // If room is short, shorten a long name, then leave out what identifies the run before its
-    // state.
-    shorten_title(&mut parts, area, LONG_TITLE);
+    parts.extend(saved.map(|part| (Span::styled(part, DIM), Action::Save)));
+    // If room is short, shorten long names, then leave out what identifies the run.
+    shorten(&mut parts, Action::OpenMap, area, LONG_TITLE);
+    shorten(&mut parts, Action::Save, area, 0);
     for left_out in [Action::NewSeed, Action::Preset, Action::Method, Action::Save] {
         if parts_width(&parts) > usize::from(area.width) {
             parts.retain(|(_, action)| *action != left_out);
         }
     }
-    shorten_title(&mut parts, area, 0);
+    shorten(&mut parts, Action::OpenMap, area, 0);
     let mut bar = ClickableLine::default();
     parts.into_iter().for_each(|(span, action)| bar.push(span, Click::Act(action)));
     bar.draw(frame, area, layout);
@@ -65,14 +67,18 @@ fn parts_width(parts: &[(Span, Action)]) -> usize {
     parts.iter().map(|(span, _)| span.width()).sum()
 }
 
-/// Shortens the name of the map so that the line fits, but to no fewer columns than `least`.
-fn shorten_title(parts: &mut [(Span, Action)], area: Rect, least: usize) {
-    let missing = parts_width(parts).saturating_sub(usize::from(area.width));
-    if let Some((title, _)) = parts.iter_mut().find(|(_, action)| *action == Action::OpenMap) {
-        let name = title.content.trim().to_owned();
-        // The blanks around it remain.
-        let room = title.width().saturating_sub(2 + missing).max(least);
-        title.content = format!(" {} ", fitted(&name, room)).into();
+/// Shortens the name that `of` acts on so that the line fits, but to no fewer columns than `least`.
+fn shorten(parts: &mut [(Span, Action)], of: Action, area: Rect, least: usize) {
+    // The blank at the end may be cut off.
+    let missing = parts_width(parts).saturating_sub(usize::from(area.width) + 1);
+    let named = |(part, action): &&mut (Span, Action)| *action == of && missing < part.width();
+    if let Some((part, _)) = parts.iter_mut().find(named).filter(|_| missing > 0) {
+        let name = part.content.trim().to_owned();
+        // The blanks around it remain. Little of a file's name says less than that there is one.
+        let room = part.width().saturating_sub(2 + missing).max(least);
+        let is_bare = of == Action::Save && room < LEAST_FILE;
+        part.content =
+            format!(" {} ", if is_bare { "saved".into() } else { fitted(&name, room) }).into();
     }
 }
 
@@ -179,7 +185,7 @@ pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
         None => keys(&[(screen, scene)], Mode::Watching, area.width, layout.lacks_panel),
     }
     .draw(frame, area, layout);
-    if let Some(notice) = screen.log.notice() {
+    if let Some(notice) = screen.log.notice().filter(|_| screen.dialogs.is_empty()) {
         // The line below the map says what a cell or a colour is.
         let map = layout.map_pane;
         let foot = if map.is_empty() { area } else { Rect { y: map.bottom() - 1, ..map } };
@@ -269,9 +275,15 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         bar.push(Span::styled(" EDIT", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
-            key(&mut bar, &screen.keymap, Action::Tool(*tool), tool.about().0, style);
+            key(
+                &mut bar,
+                &screen.keymap,
+                Action::Tool(*tool),
+                &format!(" {}", tool.about().0),
+                style,
+            );
         }
-        bar.push(if width > 90 { " " } else { "" }.into(), None);
+        bar.push(" ".into(), None);
         for (action, label) in keys {
             key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
         }
@@ -280,7 +292,7 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let [undo, save] = [(Action::Undo, "undo"), (Action::SaveMap, "save map")];
     let done = (Action::ToggleEdit, "done");
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
-    let keys = [&[undo, save, done][..], &[undo, done], &[done]];
+    let keys = [&[undo, save, done][..], &[save, done], &[done]];
     let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
     // The trailing blank may be cut off.
     let fits = |bar: &ClickableLine| bar.width() <= usize::from(width) + 1;

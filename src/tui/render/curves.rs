@@ -9,11 +9,11 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
 use super::ScreenPainter;
-use crate::experiment::plot::{Drawable, XAxis};
+use crate::experiment::plot::{Drawable, Measure, XAxis};
 use crate::tui::layout::ChartArea;
 use crate::tui::pane_text::{fitted_lines, short};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{BOLD, ColourDepth, DIM, Theme, blend};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, Rgb, Theme};
 use gdg::env::DistanceUnit;
 use gdg::train::{DistanceScore, Evaluation};
 
@@ -32,6 +32,10 @@ pub const EDITED: &str = "map edited";
 const EDIT_SHARE: f64 = 0.02;
 
 const COLOURS: usize = 6;
+
+/// On a light page, thin lines need darker colours than areas have.
+const ON_LIGHT: [Rgb; COLOURS] =
+    [(0, 90, 190), (190, 40, 0), (0, 120, 50), (140, 40, 150), (140, 100, 0), (80, 80, 90)];
 
 pub struct Plot {
     pub title: &'static str,
@@ -111,6 +115,11 @@ pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     let losses = [loss("loss of f", 1), loss("loss of mu, steps", 2)];
     let first = [rate("success", success)].into_iter().chain(errors);
     first.chain([of_critic]).chain(each).chain(losses).collect()
+}
+
+/// The title of a chart that draws one quantity of several runs.
+pub fn title(of: Measure, over: XAxis) -> String {
+    format!(" {} over {}", of.label().replace("success rate", "success"), over.label())
 }
 
 /// Returns the name of group `i` of `groups`: its distance, or its number.
@@ -237,9 +246,7 @@ pub fn colour(theme: &Theme, i: usize) -> Style {
             Color::Red,
         ][i % COLOURS]);
     };
-    let rgb = theme.distance_colour(at);
-    // On a light page, thin lines must be darker than areas.
-    let rgb = if theme.page.is_some() { blend(rgb, (0, 0, 0), 0.45) } else { rgb };
+    let rgb = if theme.page.is_some() { ON_LIGHT[i % COLOURS] } else { theme.distance_colour(at) };
     Style::new().fg(theme.colour(rgb))
 }
 

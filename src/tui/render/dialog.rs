@@ -7,9 +7,11 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
+use super::bars::draw_notice;
 use super::{middle, without_slivers};
-use crate::tui::dialog::{Dialog, Item, Picker, PickerRow, Prompt};
+use crate::tui::dialog::{Choice, Dialog, Item, Picker, PickerRow, Prompt};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::log::Notice;
 use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, DIM, REVERSED};
@@ -30,8 +32,14 @@ const KEY_MARGIN: usize = 2;
 /// Columns of a detail, such as a key, that a long label leaves.
 const MAX_KEPT: usize = 12;
 
-/// Draws the topmost dialog, if there is one, and records where it is.
-pub fn draw_dialog(frame: &mut Frame, screen: &Screen, layout: &mut ScreenLayout) {
+/// Draws the topmost dialog, if there is one, and records where it is. A notice is shown over the last
+/// line of the screen, whose keys do nothing meanwhile.
+pub fn draw_dialog(
+    frame: &mut Frame,
+    screen: &Screen,
+    notice: Option<Notice>,
+    layout: &mut ScreenLayout,
+) {
     let Some(top) = screen.dialogs.last() else { return };
     // What is below a dialog does not react to clicks.
     layout.forget_clicks();
@@ -39,6 +47,8 @@ pub fn draw_dialog(frame: &mut Frame, screen: &Screen, layout: &mut ScreenLayout
         Dialog::Pick(picker) => draw_picker(frame, picker, layout),
         Dialog::Ask(prompt) => draw_prompt(frame, screen, prompt, layout),
     }
+    let foot = Rect { y: frame.area().bottom(), ..frame.area() };
+    notice.into_iter().for_each(|notice| draw_notice(frame, foot, &screen.theme, notice));
 }
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the
@@ -60,7 +70,8 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     let top = if picker.is_question() { height.min(wanted) } else { height };
     let dialog_area = middle(area, width as u16, top);
     let dialog_area = Rect { height: height.min(wanted), ..dialog_area };
-    let inner = draw_box(frame, dialog_area, &picker.title, layout);
+    let accepts = picker.is_question() || picker.choice().is_some_and(|c| *c != Choice::Nothing);
+    let inner = draw_box(frame, dialog_area, (&picker.title, accepts), layout);
     let [top, line, list, below] = Layout::vertical([
         Constraint::Length(above),
         Constraint::Length(search_rows),
@@ -200,7 +211,7 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     let most = usize::from(area.height.saturating_sub(4));
     let text = first_lines(wrapped(text, columns), most, columns);
     let dialog_area = middle(area, width, 4 + text.len() as u16);
-    let inner = draw_box(frame, dialog_area, &prompt.title, layout);
+    let inner = draw_box(frame, dialog_area, (&prompt.title, true), layout);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
             .areas(inner);
@@ -217,8 +228,10 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     frame.render_widget(Paragraph::new(text), below);
 }
 
-/// Draws the box around a dialog, with its buttons at the bottom; returns the area inside.
-fn draw_box(frame: &mut Frame, dialog_area: Rect, title: &str, layout: &mut ScreenLayout) -> Rect {
+/// Draws the box around a dialog `of` a title that accepts something or only closes, with its buttons at
+/// the bottom; returns the area inside.
+fn draw_box(frame: &mut Frame, at: Rect, of: (&str, bool), layout: &mut ScreenLayout) -> Rect {
+    let ((title, accepts), dialog_area) = (of, at);
     let room = usize::from(dialog_area.width.saturating_sub(2));
     // Leave out a part in brackets that does not fit.
     let title = if display_width(title) + 2 > room {
@@ -232,8 +245,10 @@ fn draw_box(frame: &mut Frame, dialog_area: Rect, title: &str, layout: &mut Scre
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
-    bar.push(Span::raw(" Enter: accept "), Click::Answer);
-    bar.push(Span::raw("  Esc: close "), Click::Close);
+    if accepts {
+        bar.push(Span::raw(" Enter: accept "), Click::Answer);
+    }
+    bar.push(Span::raw(" Esc: close "), Click::Close);
     let width = (bar.width() as u16).min(inner.width);
     bar.draw(
         frame,
@@ -256,7 +271,6 @@ fn set_cursor(frame: &mut Frame, line: Rect, column: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tui::dialog::Choice;
 
     #[test]
     fn columns_of_a_list_begin_below_each_other() {

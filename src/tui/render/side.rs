@@ -73,9 +73,8 @@ pub fn lines(pane: Pane, screen: &Screen, scene: &Scene, width: u16) -> Option<V
     match pane {
         Pane::Training => Some(training::lines(screen, scene, width.into(), screen.maximised)),
         Pane::Walk => {
-            let width = usize::from(width);
-            let mut lines = legend::walk_lines(&**scene, screen, width);
-            if width >= EXPLAINED_WIDTH {
+            let mut lines = legend::walk_lines(&**scene, screen);
+            if usize::from(width) >= EXPLAINED_WIDTH {
                 lines.iter_mut().for_each(|line| explain(line, legend::MEANINGS));
             }
             Some(lines)

@@ -16,6 +16,8 @@ use crate::experiment::saved_runs::{
     COLUMNS, RunKind, RunState, SavedRun, WRITTEN, file, name, whole,
 };
 use crate::setup::saves::ago;
+use crate::tui::dialog::Picker;
+use crate::tui::lists;
 use gdg::files;
 use gdg::text::{counted, sanitized};
 
@@ -204,7 +206,7 @@ impl List {
 
     /// Returns the question whether to delete all files of the marked runs, or else of the selected
     /// one, and the files, unless one of them still grows.
-    pub fn to_delete(&self) -> Result<(String, Written), String> {
+    pub fn to_delete(&self) -> Result<(Picker, Written), String> {
         let mut rows: Vec<&Arc<SavedRun>> = self.marks.values().collect();
         if rows.is_empty() {
             rows.extend(self.selected());
@@ -239,7 +241,7 @@ impl List {
         let written = files.values().flatten().max().copied();
         let written = written.and_then(ago).map_or(String::new(), |at| format!("; written {at}"));
         let count = counted(files.len() as u64, "file");
-        Ok((format!("delete {count}{others} for good? y: yes n: no ({names}{written})"), files))
+        Ok((lists::deletion(&format!("{count}{others}"), names + &written), files))
     }
 }
 
@@ -280,15 +282,19 @@ fn awaited(run: &SavedRun) -> String {
             return Some("any moment".to_owned());
         }
         let at = Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system());
-        Some(at.strftime("at about %R").to_string())
+        Some(at.strftime("about %R").to_string())
     };
     let when = match &run.saves {
-        _ if run.method.is_empty() => "as it begins".to_owned(),
-        Some((_, every)) => every.and_then(due).unwrap_or("at its end".to_owned()),
-        None => "at no time: it has no --save".to_owned(),
+        _ if run.method.is_empty() => "it begins".to_owned(),
+        Some((_, Some(every))) => {
+            let minutes = (every / 6.0).round() / 10.0;
+            format!("every {minutes} min, first {}", due(*every).unwrap_or_default())
+        }
+        Some((_, None)) => "at its end".to_owned(),
+        None => "never: it has no --save".to_owned(),
     };
     let file = run.saves.as_ref().map_or(&run.source, |(file, _)| file);
-    format!("waiting for the first save of {}, {when}   Esc: the list", name(file))
+    format!("{}: not saved yet; {when}   Esc: list", name(file))
 }
 
 /// Files, and when each was last written.

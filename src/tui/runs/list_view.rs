@@ -23,12 +23,11 @@ use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 
 use super::RunsScreen;
 use super::list::{List, is_growing};
-use crate::experiment::plot::{Drawable, Measure};
+use crate::experiment::plot::Measure;
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ScreenLayout};
-use crate::tui::log::Notice;
 use crate::tui::pane_text::{fitted_line, wrapped};
 use crate::tui::render::curves::{Axes, PaneCurve, draw_chart, draw_heading};
 use crate::tui::render::dialog::draw_picker;
@@ -97,9 +96,9 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
         _ => draw_settings(frame, inner, &runs, &screen.theme),
     }
     footer(frame, foot, screen, layout);
-    if let Some(Dialog::Pick(help)) = &screen.help {
+    if let Some(Dialog::Pick(list)) = &screen.dialog {
         layout.forget_clicks();
-        draw_picker(frame, help, layout);
+        draw_picker(frame, list, layout);
     }
     finish_frame(frame, &screen.theme);
     places
@@ -128,6 +127,9 @@ fn sign(letter: Option<usize>) -> char {
     letter.map_or('>', |letter| char::from(b'A' + letter as u8))
 }
 
+/// The signs of an order and of its reverse.
+const ARROWS: [char; 2] = ['\u{2193}', '\u{2191}'];
+
 fn style(letter: Option<usize>, theme: &Theme) -> Style {
     letter.map_or(Style::new(), |letter| curves::colour(theme, letter).patch(BOLD))
 }
@@ -153,6 +155,14 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Re
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }
     let rows = list.shown().len();
+    let (sorted, reversed) = list.order;
+    if rows > 1 && columns(list, area.width.into()).iter().all(|(shown, _)| *shown != sorted) {
+        spans.push(Span::raw(format!(
+            " by {}{} ",
+            COLUMNS[sorted].name,
+            ARROWS[usize::from(reversed)]
+        )));
+    }
     if rows > usize::from(view.height) {
         let last = rows.min(first + usize::from(view.height));
         spans.push(Span::raw(format!(" {} to {last} of {rows} ", first + 1)));
@@ -181,8 +191,7 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Cl
     let (sorted, reversed) = list.order;
     let heads = columns.iter().map(|of| match COLUMNS[of.0].name {
         name if of.0 != sorted => cell(name.to_owned(), *of).style(DIM),
-        name => cell(format!("{name}{}", if reversed { '\u{2191}' } else { '\u{2193}' }), *of)
-            .style(BOLD),
+        name => cell(format!("{name}{}", ARROWS[usize::from(reversed)]), *of).style(BOLD),
     });
     let head: Row = [Line::default()].into_iter().chain(heads).collect();
     let (room, position) = (usize::from(rows.height), list.position());
@@ -257,7 +266,7 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
     };
     let all: Vec<PaneCurve> = runs.iter().map(curve).collect();
     let is_share = measure != Measure::Error;
-    let title = format!(" {} over {}", measure.label(), axis.label());
+    let title = curves::title(measure, axis);
     let [head, body] = draw_heading(frame, area, title, all.iter().map(PaneCurve::label));
     let points = || all.iter().flat_map(|curve| &curve.points);
     if points().next().is_none() {
@@ -337,10 +346,13 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme
     let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
     let title = if runs.len() > 1 { " differences" } else { " run" };
     let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0);
-    let names = names.clamp(title.len() - 1, MAX_NAME);
     let widest = rows.iter().flat_map(|(_, values)| values).map(|value| display_width(value));
     let most = if runs.len() == 1 { usize::from(area.width) } else { MAX_VALUE };
-    let width = Constraint::Length(widest.max().unwrap_or(0).clamp(1, most.max(1)) as u16);
+    let most = widest.max().unwrap_or(0).clamp(1, most.max(1));
+    // Where room is short, names are cut, not values.
+    let room = usize::from(area.width).saturating_sub(1 + runs.len() * (most + 1));
+    let names = names.clamp(title.len() - 1, MAX_NAME).min(room.max(title.len() - 1));
+    let width = Constraint::Length(most as u16);
     let (name, values) = (Constraint::Length(names as u16 + 1), vec![width; runs.len()]);
     let widths: Vec<Constraint> = [name].into_iter().chain(values).collect();
     let letter = |(letter, _): &DrawnRun| {
@@ -349,21 +361,15 @@ fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme
     let letters = runs.iter().filter(|_| runs.len() > 1).map(letter);
     let head = [Span::styled(title, BOLD)].into_iter().chain(letters);
     let rows = rows.into_iter().map(|(name, values)| {
-        let name = Cell::new(format!(" {name}")).style(DIM);
-        let values =
-            values.into_iter().map(|own| if own.is_empty() { "-".to_owned() } else { own });
+        let name = Cell::new(format!(" {}", fitted(&name, names))).style(DIM);
+        let shown = |own: String| if own.is_empty() { "-".to_owned() } else { fitted(&own, most) };
+        let values = values.into_iter().map(shown);
         [name].into_iter().chain(values.map(Cell::new)).collect::<Row>()
     });
     frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
 }
 
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
-    if let Some((question, _)) = &screen.deletion {
-        // No key of the line does anything until it is answered.
-        let (foot, notice) =
-            (Rect { y: area.bottom(), ..area }, Notice { text: question, is_error: true });
-        return bars::draw_notice(frame, foot, &screen.theme, notice);
-    }
     if let Some(notice) = screen.log.notice() {
         // Over the line between the list and the curves.
         let foot = Rect { y: layout.rows.0.bottom() + 1, ..area };

@@ -145,7 +145,7 @@ fn the_mouse_sorts_selects_and_marks() {
     assert!(screen.list.marked().is_empty());
     click(&mut screen, MouseButton::Left, at);
     assert_eq!(screen.list.marked()[&0].seed, 1);
-    let at = place_of(&shown, "success rate over");
+    let at = place_of(&shown, "success over");
     click(&mut screen, MouseButton::Left, at);
     assert_eq!(screen.curves.1, XAxis::Steps);
 }
@@ -202,23 +202,23 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.show_runs(&["a", "b", "c"].map(own));
     type_text(&mut screen, " j D");
     let asked = shown_by(&mut screen, 200, 40);
-    let parts = ["for good? y: yes n: no (", "/b, ", "/c; written just now)"];
+    let parts = ["delete 2 files?", "/b, ", "/c; written just now", "d delete"];
     assert!(parts.iter().all(|part| asked.contains(part)), "{asked}");
     press(&mut screen, KeyCode::Enter);
-    assert!(path("c").exists() && screen.deletion.is_none(), "only y deletes");
+    assert!(path("c").exists() && screen.deletion.is_none(), "only d deletes");
     // Another program may have resumed one, and saved it.
     type_text(&mut screen, "D");
     let later = SystemTime::now() + Duration::from_secs(9);
     std::fs::File::open(path("b")).and_then(|file| file.set_modified(later)).expect("a file");
-    type_text(&mut screen, "y");
+    type_text(&mut screen, "d");
     assert!(shown_by(&mut screen, 120, 40).contains("b has just been written: nothing is deleted"));
     screen.show_runs(&["a", "b", "c"].map(own));
     press(&mut screen, KeyCode::Home);
-    type_text(&mut screen, " j Dy");
+    type_text(&mut screen, " j Dd");
     assert_eq!(["a", "b", "c"].map(|name| path(name).exists()), [true, false, false]);
     assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
     screen.show_runs(&[damaged(path("a"), ":1: not a record")]);
-    type_text(&mut screen, "Dy");
+    type_text(&mut screen, "Dd");
     assert!(!path("a").exists(), "a file that is no run");
     // A run of two files, one of which has another run, or is removed meanwhile.
     let records = SavedRun { kind: RunKind::Records, end: Some(RunState::Done), ..own("d") };
@@ -228,8 +228,8 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
-    assert!(asked.contains("delete 2 files with 1 run not chosen for good?"), "{asked}");
-    type_text(&mut screen, "y");
+    assert!(asked.contains("delete 2 files with 1 run not chosen?"), "{asked}");
+    type_text(&mut screen, "d");
     assert!(!path("d").exists(), "all files of the run");
     // A run whose beginning is in the file of another, and a checkpoint that another names.
     let [first, last] = ["d", "e"].map(|name| SavedRun { kind: RunKind::Records, ..own(name) });
@@ -240,7 +240,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
-    assert!(asked.contains("delete 1 file with 1 run not chosen for good?"), "{asked}");
+    assert!(asked.contains("delete 1 file with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "n");
     // A file with a run that has ended, and one that goes on.
     let now = |run| Arc::new(SavedRun { written: Some(SystemTime::now()), ..run });
@@ -249,7 +249,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Delete);
     assert!(shown_by(&mut screen, 120, 40).contains("d still grows"));
-    type_text(&mut screen, "y");
+    type_text(&mut screen, "d");
     assert!(path("d").exists());
 }
 

@@ -1,5 +1,7 @@
 //! The scale of the colours, the legend, and the pane about the walking agent.
 
+use std::cmp::Ordering;
+
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -12,20 +14,16 @@ use crate::tui::canvas::SHADES;
 use crate::tui::characters::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
-use crate::tui::pane_text::{fact, fitted_line, heading, short, wrapped};
+use crate::tui::pane_text::{Number, fact, fitted_line, heading, number, short};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme};
 use gdg::bridge::EdgeStatus;
-use gdg::engine::Snapshot;
 use gdg::text::{counted, grouped};
-use gdg::train::Evaluation;
-use gdg::viewer::{Field, Ghost, Graph, Reach};
+use gdg::viewer::{Field, Ghost, Graph};
 
 /// Width of the colour bar in characters, and its width where room is short.
 pub const BAR_WIDTH: usize = 12;
 pub const SHORT_BAR_WIDTH: usize = 5;
-
-const MIN_TEXT_WIDTH: usize = 20;
 
 /// The actor stands still after this many steps in one place.
 const STANDS_STEPS: u32 = 20;
@@ -172,68 +170,82 @@ pub fn contour_text(screen: &Screen, layout: &ScreenLayout) -> String {
     interval.map_or_else(String::new, |interval| format!(", a line every {interval:.0}"))
 }
 
-/// The meanings of the numbers, by their names in the pane.
+/// The meanings of the numbers, by their names in the pane and in comparisons.
 pub const MEANINGS: &[(&str, &str)] = &[
     ("from", "where this walk began"),
     ("to G", "where it leads: the goal"),
     ("walking", "steps taken on this walk so far"),
     ("arrived", "steps it took"),
-    ("arrivals", "walks that arrived, of those that ended"),
+    ("gave up", "steps until then"),
     ("shortest", "true steps from the start to the goal"),
+    ("alone", "how the actor alone walks from there: a"),
     ("D to goal", "steps left, as learned"),
+    ("along plan", "the same along the plan's waypoints"),
     ("waypoint", "what the agent heads for next"),
     ("D to it", "steps to that, as learned"),
     ("ahead", "waypoints of the plan still to come"),
+    ("arrivals", "walks that arrived, of those that ended"),
     ("then", "what happens when the agent arrives"),
+    ("races", "in comparisons: both @ walk from one start to one G; arrived, of all"),
 ];
 
 pub fn stands(ghost: &Ghost) -> bool {
     !ghost.arrived && ghost.steps - ghost.stands_since >= STANDS_STEPS
 }
 
-/// Says when plans were furthest ahead of the actor alone, if they ever were.
-fn before(snapshot: &Snapshot) -> Option<String> {
-    let ahead = |(at, e): &(u64, Evaluation)| {
-        let ahead = e.planned.as_ref()?.success? - e.greedy.success?;
-        let at = snapshot.learned(*at);
-        (ahead > 0.1).then(|| (ahead, format!("; at update {}: {}", grouped(at), e.success(at))))
+/// How @ walks, in the pane and in comparisons: its steps, and those of the shortest path.
+pub fn walk(scene: &dyn SceneKind) -> [Number; 2] {
+    let reach = &scene.view().reach;
+    let state = match reach {
+        reach if reach.arrived => "arrived",
+        reach if reach.gave_up => "gave up",
+        _ => "walking",
     };
-    let all = snapshot.evaluations.iter().filter_map(ahead);
-    all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, text)| text)
+    let (name, least) = match (scene.has_true_distances(), reach.shortest) {
+        (true, Some(shortest)) => ("shortest", grouped(shortest.into())),
+        (true, None) => ("shortest", "no path".to_owned()),
+        (false, _) => ("left", scene.format_length(reach.left)),
+    };
+    [(state, counted(reach.steps.into(), "step"), String::new()), (name, least, String::new())]
+}
+
+/// Says how much shorter the plan was than the walk of the actor alone.
+fn difference(planned: u32, alone: u32) -> String {
+    let steps = counted(planned.abs_diff(alone).into(), "step");
+    match planned.cmp(&alone) {
+        Ordering::Less => format!("the plan is {steps} shorter"),
+        Ordering::Equal => "the plan is as long".to_owned(),
+        Ordering::Greater => format!("the plan is {steps} longer"),
+    }
+}
+
+fn walk_of_actor(ghost: &Ghost) -> String {
+    match ghost {
+        ghost if ghost.arrived => format!("arrived, {}", counted(ghost.steps.into(), "step")),
+        ghost if stands(ghost) => format!("stands since {}", ghost.stands_since),
+        _ => "on its way".to_owned(),
+    }
 }
 
 /// Says how plan and actor alone go, in fewer and fewer words; without plans, that the actor stands.
 pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>> {
     let (reach, plans) = (&scene.view().reach, screen.run().method.plans());
     let ghost = reach.ghost.as_ref().filter(|_| !plans || screen.overlays.has(Overlay::Ghost))?;
-    let [planned, alone] = [reach.steps, ghost.steps].map(|n| counted(n.into(), "step"));
-    if plans && reach.arrived && ghost.arrived {
-        let both = format!("both arrive: @ planned in {planned}, a alone in {alone}");
-        let short = both.replace("@ ", "").replace(", a ", ", ").replace(" steps", "");
-        let then =
-            |text| format!("both arrive, in {} and {alone}{text}", grouped(reach.steps.into()));
-        let full = before(&screen.snapshot).map(then);
-        return Some(full.into_iter().chain([both, short]).collect());
+    let actor = walk_of_actor(ghost);
+    if !plans {
+        return stands(ghost).then(|| vec![format!("@ {actor}")]);
     }
-    let place = if scene.is_at_wall(&ghost.at) { " at the wall" } else { " still" };
-    let (stands, since) = (stands(ghost), format!(" since step {}", ghost.stands_since));
-    let actor = match (ghost.arrived, stands) {
-        (true, _) => format!("arrived in {alone}"),
-        (false, true) => format!("stands{place}{since}"),
-        (false, false) => "on its way".to_owned(),
-    };
-    let arrived = format!("arrived in {planned}");
-    let plan = if reach.arrived { &*arrived } else { "on its way" };
-    let plan = format!("@ planned: {plan}; a, the actor alone: ");
-    let full = format!("{}{actor}", if plans { &plan } else { "@ " });
-    let short = full.replace(", the actor", "").replace(place, "");
-    let short = short.replace(" steps", "");
-    let shorter = short.replace(&since, "").replace("arrived in", "in");
-    (plans || stands).then(|| vec![full, short, shorter])
+    let arrived = format!("arrived, {}", counted(reach.steps.into(), "step"));
+    let plan = if reach.arrived { &arrived } else { "on its way" };
+    let full = format!("@ planned: {plan}; a, the actor alone: {actor}");
+    let short = full.replace(", the actor", "").replace(" steps", "");
+    let who = (reach.arrived && ghost.arrived).then(|| difference(reach.steps, ghost.steps));
+    let who = who.into_iter().flat_map(|who| [format!("{full}: {who}"), who]);
+    Some(who.chain([full.clone(), short]).collect())
 }
 
-/// Returns the lines about the walking agent, with sentences within `width` columns.
-pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<Line<'static>> {
+/// Returns the lines about the walking agent, the same ones for every method and at any time.
+pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
     let reach = &scene.view().reach;
     let has_path = !scene.has_true_distances() || reach.shortest.is_some();
     // There is no plan without a path, and none is left after arrival.
@@ -243,49 +255,35 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
     let mut lines = scene.places([&reach.start, &reach.at, &scene.goal()], screen);
     let failure = reach.failure.iter().flat_map(|failure| failure.lines());
     lines.extend(failure.map(|line| Line::from(format!(" {line}"))));
-    let state = if reach.arrived { "arrived" } else { "walking" };
-    lines.push(fact(state, counted(u64::from(reach.steps), "step")));
-    lines.push(match (scene.has_true_distances(), reach.shortest) {
-        (true, Some(shortest)) => fact("shortest", shortest),
-        (true, None) => fact("shortest", "no path"),
-        (false, _) => fact("left", scene.format_length(reach.left)),
-    });
-    // A blank on either side.
-    let columns = width.saturating_sub(2).max(MIN_TEXT_WIDTH);
-    let sentence = |text: &str| {
-        wrapped(text, columns)
-            .into_iter()
-            .map(|row| Line::raw(format!(" {row}")))
-            .collect::<Vec<_>>()
+    lines.extend(walk(scene).map(number));
+    let key = |action| screen.keymap.key_of(action);
+    let ghost = reach.ghost.as_ref().filter(|_| screen.overlays.has(Overlay::Ghost));
+    let toggle = Action::Toggle(Overlay::Ghost);
+    let actor = match ghost {
+        _ if !offers(scene, screen, toggle) => "-".to_owned(),
+        None => format!("{} shows it", key(toggle)),
+        Some(ghost) => walk_of_actor(ghost),
     };
-    let both = both_walks(scene, screen).unwrap_or_default();
-    lines.extend(both.first().map_or_else(Vec::new, |text| sentence(text)));
     let waypoint = reach.waypoint.as_deref();
     let note = if has_path { "" } else { " (meaningless)" };
-    lines.extend([
-        fact("D to goal", format_steps(reach.distances.0) + note),
-        planned("waypoint", waypoint.map_or("the goal".to_owned(), |at| scene.format_place(at))),
-        planned("D to it", format_steps(reach.distances.1)),
-    ]);
-    let stops = reach.path.len();
-    match bridges(reach) {
-        Some(text) => lines.extend(sentence(&text)),
-        None => lines.push(planned(
-            "ahead",
-            match stops {
-                0 => "actor alone".to_owned(),
-                1 => "straight to G".to_owned(),
-                _ => counted(stops as u64 - 1, "waypoint"),
-            },
-        )),
-    }
-    let key = |action| screen.keymap.key_of(action);
+    let ahead = match reach.path.len() {
+        0 => "actor alone".to_owned(),
+        1 => "straight to G".to_owned(),
+        stops => counted(stops as u64 - 1, "waypoint"),
+    };
+    let along = if reach.path.len() > 1 { reach.along } else { f32::NAN };
     let start = if scene.offers(Action::StartHere) {
         key(Action::StartHere) + " or "
     } else {
         String::new()
     };
     lines.extend([
+        fact("alone", actor),
+        fact("D to goal", format_steps(reach.distances.0) + note),
+        planned("along plan", format_steps(along)),
+        planned("waypoint", waypoint.map_or("the goal".to_owned(), |at| scene.format_place(at))),
+        planned("D to it", format_steps(reach.distances.1)),
+        planned("ahead", ahead),
         heading("walks"),
         fact("arrivals", format!("{} of {}", reach.finished.0, reach.finished.1)),
         fact("then", screen.on_arrival.name()),
@@ -294,22 +292,6 @@ pub fn walk_lines(scene: &dyn SceneKind, screen: &Screen, width: usize) -> Vec<L
         Line::from(format!(" {start}right-click: new start")),
     ]);
     lines
-}
-
-/// Says what bridges do for the plan, if there are any ahead and D along them is known.
-fn bridges(reach: &Reach) -> Option<String> {
-    let bridges = reach.path.len().saturating_sub(1);
-    if bridges == 0 || reach.arrived || reach.along.is_nan() {
-        return None;
-    }
-    let (direct, along) = (reach.distances.0.round(), reach.along.round());
-    let effect = if along < direct {
-        format!("{} shorter", counted((direct - along) as u64, "step"))
-    } else {
-        "no shorter, but each hop is short enough to trust".to_owned()
-    };
-    let waypoints = counted(bridges as u64, "waypoint");
-    Some(format!("{waypoints}; direct D says {direct:.0}, along bridges {along:.0}: {effect}"))
 }
 
 fn format_steps(distance: f32) -> String {

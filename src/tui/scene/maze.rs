@@ -31,10 +31,6 @@ use gdg::map::{Cell, Grid};
 use gdg::viewer::{OnArrival, Plane, Request, View, cell_of_goal};
 pub use map_pixels::Cache;
 
-/// Distance to a wall, in cells, within which an agent is stopped by it: more than a part of a step,
-/// less than from the middle of a corridor.
-const AT_WALL_CELLS: f32 = 0.25;
-
 pub struct MazeState {
     /// The map as the user last edited it; the trainer follows.
     pub map: Arc<Grid>,
@@ -112,12 +108,6 @@ impl SceneKind for MazeState {
 
     fn proportions(&self) -> [f32; 2] {
         [self.map.width() as f32, self.map.height() as f32]
-    }
-
-    fn is_at_wall(&self, at: &[f32]) -> bool {
-        let sides = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]];
-        let beside = sides.map(|side| [0, 1].map(|k| at[k] + AT_WALL_CELLS * side[k]));
-        beside.iter().any(|[x, y]| !self.map.is_free_at(*x, *y))
     }
 
     fn view(&self) -> &View {

@@ -1,26 +1,23 @@
 //! Maps, checkpoints and exports on disk.
 
-use std::collections::HashSet;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use jiff::tz::TimeZone;
-
 use super::saving::unsaved;
 use super::{Cx, Session};
-use crate::experiment::saved_runs;
+use crate::experiment::saved_runs::{self, RunReader};
 use crate::setup::find_maps::warnings;
 use crate::setup::saves::{SAVES, files_in};
 use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;
-use crate::tui::lists::{self, Described};
+use crate::tui::lists;
 use gdg::files::{has_extension, is_hidden, prepare, unused_path};
 use gdg::job::{Job, Running};
 use gdg::map::{
     Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like, lost_from,
 };
-use gdg::train::describe;
 
 /// The largest text that is read to find out whether it is a map, in bytes.
 const MAX_LISTED_BYTES: u64 = 1 << 18;
@@ -88,17 +85,14 @@ pub fn pick_checkpoint(session: &mut Session) {
     read(session, "the checkpoints here", move |progress| {
         let mut files = saved_runs::checkpoints_below(Path::new("."));
         files.extend(own.and_then(|folder| files_in(&folder).ok()).unwrap_or_default());
-        let mut known = HashSet::new();
-        files.retain(|file| known.insert(saved_runs::whole(file)));
         progress.begin(0, 1);
-        let described = files.iter().enumerate().map(|(i, path)| {
-            progress.set(i, files.len());
-            describe(path)
+        let found = RunReader::new(&files).read(|[file, files], _| {
+            progress.set(file, files);
+            ControlFlow::Continue(())
         });
-        let found: Vec<Described> = described.collect();
-        Box::new(move |cx| match found.len() {
+        Box::new(move |cx| match found.runs.len() {
             0 => cx.screen.notify(&format!("no checkpoints here yet: {key} saves one")),
-            _ => cx.screen.open(lists::checkpoints(found, &TimeZone::system())),
+            _ => cx.screen.open(lists::checkpoints(found.runs)),
         })
     });
 }

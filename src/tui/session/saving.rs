@@ -11,7 +11,7 @@ use super::{Cx, Session};
 use crate::process::errors::from_checkpoint_error;
 use crate::process::logging;
 use crate::process::waiting::{TWICE, Waiting};
-use crate::setup::outputs::{elsewhere, is_same_file, to_elsewhere};
+use crate::setup::outputs::{belongs_to_result, elsewhere, is_same_file, to_elsewhere};
 use crate::setup::saves::{SAVES, newest_first, resume_command};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question};
 use crate::tui::interface::ClosedRun;
@@ -88,8 +88,7 @@ impl Saver {
     /// it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
-        // The checkpoint of a finished job belongs to its result, which lies beside it.
-        let saved = saved.as_ref().filter(|(_, path)| !path.with_extension("json").is_file());
+        let saved = saved.as_ref().filter(|(_, path)| !belongs_to_result(path));
         self.then = None;
         let end = format!("-{}-seed{}.safetensors", run.method.name(), run.seed);
         self.to = match (self.first.take(), saved, &self.named) {

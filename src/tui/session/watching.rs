@@ -122,10 +122,6 @@ pub fn step(cx: &mut Cx, step: Step) {
     cx.screen.command(EngineCommand::Step(step));
 }
 
-pub fn evaluate(cx: &mut Cx) {
-    cx.screen.command(EngineCommand::Evaluate);
-}
-
 pub fn change_speed(cx: &mut Cx, faster: bool) {
     // Without a limit, the next slower speed is the first one below the actual rate. A method that
     // does not learn has a limit of its own.
@@ -148,12 +144,18 @@ pub fn change_speed(cx: &mut Cx, faster: bool) {
 }
 
 /// Goes back to the frame before the moment shown, or forth to the one after it; from the last one
-/// to the present.
-pub fn step_through_film(cx: &mut Cx, forth: bool) {
+/// to the present. Only frames at updates that `other` has, if given, are shown, unless there are none.
+pub fn step_through_film(cx: &mut Cx, forth: bool, other: Option<&[Arc<FilmFrame>]>) {
     if let Some(problem) = cannot_look_back(&cx.screen) {
         return cx.screen.say(&problem);
     }
-    let film = cx.screen.snapshot.film.clone();
+    let mut film = cx.screen.snapshot.film.to_vec();
+    let is_in = |own: &Arc<FilmFrame>| {
+        other.is_none_or(|other| other.iter().any(|other| other.updates == own.updates))
+    };
+    if film.iter().any(is_in) {
+        film.retain(is_in);
+    }
     let shown = cx.screen.past.as_ref().map(|frame| frame.updates);
     match (forth, shown) {
         (true, None) => {

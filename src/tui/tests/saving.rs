@@ -336,7 +336,8 @@ fn a_runs_own_file_is_not_replaced_before_it_is_loaded() {
 fn the_checkpoint_of_a_finished_job_is_not_replaced_by_what_is_trained_on() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut app = staged_app(80, 24);
-    let path = Arc::new(folder.path().join("trap-gdg-seed1.safetensors"));
+    std::fs::create_dir(folder.path().join("jobs")).expect("a folder");
+    let path = Arc::new(folder.path().join("jobs/trap-gdg-seed1.safetensors"));
     app.change_snapshot(|snapshot| snapshot.saved = Some((10, path.clone())));
     for is_job in [false, true] {
         if is_job {

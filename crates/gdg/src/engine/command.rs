@@ -309,7 +309,7 @@ impl TrainingThread {
         if let Some(data) = self.trainer.data()
             && trainer.world().title() == self.trainer.world().title()
         {
-            let data = Dataset::reread(data, registry.data(), trainer.world(), &progress)?;
+            let data = Dataset::reread(data, registry.data.as_deref(), trainer.world(), &progress)?;
             progress.begin(2, START_STAGES);
             trainer.learn_from(&data, &progress)?;
         }

@@ -150,7 +150,7 @@ impl EffectWatch {
             true => return None,
         };
         let said = std::mem::replace(&mut self.has_said, true);
-        let by = format!("warning: {}: since step {} or before", world.title(), grouped(steps));
+        let by = format!("{}: since step {} or before", world.title(), grouped(steps));
         (!said).then(|| format!("{by}, {what}"))
     }
 }

@@ -1,7 +1,7 @@
 //! The registry of worlds, learners and methods.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::Arc;
 
@@ -11,10 +11,17 @@ use super::{Result, TrainError};
 use crate::bridge::Planner;
 use crate::env::{EnvError, Environment, GymOptions, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
-use crate::settings::Preset;
+use crate::settings::{Preset, Setting};
 use crate::store::{Store, StoreError};
 
 const MAPS: &str = "maze";
+
+/// Settings of plans, of D as it is learned, and of learning from rewards.
+const OF_PLANS: &str = "graph_bounds actor_waypoints distillation short_pairs imagined_walks hop_steps \
+                        bridge_epsilon planned_episodes frontier_epsilon open_loop progress_check lookahead";
+const OF_D: &str = "distance_scale_steps n_step pessimism expectile greedy_targets model_check \
+                    hindsight_bound unblock_actor max_distance_steps loss";
+const OF_REWARDS: &str = "actor_l2 discount target_noise";
 
 /// World and learner kinds by name: the built-in ones and those added by a program.
 #[derive(Clone, Debug)]
@@ -23,7 +30,8 @@ pub struct Registry {
     learners: Vec<LearnerKind>,
     /// How environments in Python are opened.
     pub options: GymOptions,
-    data: Option<PathBuf>,
+    /// Where the data of resumed runs are now, if they have moved.
+    pub data: Option<PathBuf>,
 }
 
 impl Registry {
@@ -36,28 +44,12 @@ impl Registry {
         })
     }
 
+    /// Changes it, such as its `options`.
     #[must_use]
-    fn with(self: Arc<Self>, change: impl FnOnce(&mut Self)) -> Arc<Self> {
+    pub fn with(self: Arc<Self>, change: impl FnOnce(&mut Self)) -> Arc<Self> {
         let mut registry = Arc::unwrap_or_clone(self);
         change(&mut registry);
         Arc::new(registry)
-    }
-
-    /// Sets where the data of resumed runs are now, if they have moved.
-    #[must_use]
-    pub fn with_data(self: Arc<Self>, data: Option<PathBuf>) -> Arc<Self> {
-        self.with(|registry| registry.data = data)
-    }
-
-    #[must_use]
-    pub fn with_gym(self: Arc<Self>, options: GymOptions) -> Arc<Self> {
-        self.with(|registry| registry.options = options)
-    }
-
-    /// Has worlds of checkpoints only looked at, where that is possible: their agents cannot act.
-    #[must_use]
-    pub fn only_reading(self: Arc<Self>) -> Arc<Self> {
-        self.with(|registry| registry.options.reads_only = true)
     }
 
     /// Adds a world; it replaces an earlier one of the same name.
@@ -76,10 +68,6 @@ impl Registry {
             registry.learners.retain(|known| known.name != kind.name);
             registry.learners.insert(0, kind);
         })
-    }
-
-    pub(crate) fn data(&self) -> Option<&Path> {
-        self.data.as_deref()
     }
 
     pub fn worlds(&self) -> &[WorldKind] {
@@ -139,6 +127,14 @@ impl Registry {
             // A run of an unknown learner cannot be created.
             _ => Preset::Default,
         }
+    }
+
+    /// Whether a setting changes nothing in runs of `method`.
+    pub fn is_idle(&self, setting: &Setting, method: &Method) -> bool {
+        let of = |names: &str| names.split_whitespace().any(|name| name == setting.name);
+        let rewarded = self.learner(&method.learner).map(|kind| kind.is_rewarded);
+        !method.plans() && (setting.group == "bridges" || of(OF_PLANS))
+            || rewarded.is_ok_and(|is| of(if is { OF_D } else { OF_REWARDS }))
     }
 
     pub(crate) fn load_world(&self, name: &str, store: &Store) -> Result<Box<dyn Environment>> {

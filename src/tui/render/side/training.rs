@@ -3,7 +3,7 @@
 use ratatui::text::Line;
 
 use crate::tui::action::Action;
-use crate::tui::pane_text::{EXPLAINED_WIDTH, clock, explain, fact, short};
+use crate::tui::pane_text::{EXPLAINED_WIDTH, Number, clock, explain, fact, number, short};
 use crate::tui::render::curves::group_name;
 use crate::tui::scene::Scene;
 use crate::tui::screen::Screen;
@@ -41,21 +41,53 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("learning", "time spent on updates, and on agents' steps"),
 ];
 
+/// What a run has done so far, as the pane and comparisons say it: updates and steps.
+pub fn counters(screen: &Screen) -> [Number; 2] {
+    let (snapshot, counters) = (&screen.snapshot, screen.snapshot.counters);
+    // A rate of 0 is one that is not known.
+    let rate = |rate: f64| if rate > 0.0 { format!(", {}/s", short(rate)) } else { String::new() };
+    let updates = match (snapshot.learns, snapshot.updates()) {
+        (true, now) => (short(now as f64), rate(snapshot.rates.0)),
+        (false, 0) => ("none".to_owned(), ": random steps".to_owned()),
+        (false, before) => (short(before as f64), ", now none".to_owned()),
+    };
+    let steps = (short(counters.env_steps as f64), rate(snapshot.rates.1));
+    [("updates", updates.0, updates.1), ("steps", steps.0, steps.1)]
+}
+
+/// What the latest evaluation has found, likewise: success with plans and without, with a bar for
+/// each distance, and the error of D.
+pub fn scores(screen: &Screen) -> [Number; 3] {
+    let found = screen.snapshot.evaluation().map(|(_, evaluation)| evaluation);
+    let score = |name, score: Option<&Score>| match score.map(|score| (score, score.success)) {
+        Some((score, Some(success))) => {
+            (name, format!("{success:.2}"), format!(" {}", success_bars(&score.by_distance)))
+        }
+        Some((_, None)) => (name, "no tasks".to_owned(), String::new()),
+        None => (name, "-".to_owned(), String::new()),
+    };
+    let error = found.and_then(|found| found.distance_error);
+    [
+        score("planned", found.and_then(|found| found.planned.as_ref())),
+        score("alone", found.map(|found| &found.greedy)),
+        ("error of D", error.map_or("-".to_owned(), |error| percent(error.mape)), String::new()),
+    ]
+}
+
+fn percent(mape: f64) -> String {
+    format!("{:.0} %", 100.0 * mape)
+}
+
 /// Returns the lines that matter first, or all of them.
 pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
-    let (updates, _) = snapshot.rates;
-    let updates = match (snapshot.learns, snapshot.updates()) {
-        (true, now) => format!("{}, {}/s", short(now as f64), short(updates)),
-        (false, 0) => "none: random steps".to_owned(),
-        (false, before) => format!("{}, now none", short(before as f64)),
-    };
     let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
     lines.extend(snapshot.seconds_left.map(|seconds| fact("left", clock(seconds))));
-    lines.push(fact("updates", updates));
+    let [updates, steps] = counters(screen);
+    lines.push(number(updates));
     // That agents do not act is said first.
     let shown = if all { 3 } else { usize::from(snapshot.data.is_some()) };
-    lines.extend(experience(screen).into_iter().take(shown));
+    lines.extend(experience(screen, steps).into_iter().take(shown));
     lines.extend(losses(screen, all));
     lines.extend(success(screen, all));
     // Where it seldom moves, agents have to find out how.
@@ -73,7 +105,7 @@ pub fn lines(screen: &Screen, scene: &Scene, width: usize, all: bool) -> Vec<Lin
 }
 
 /// Describes what it learns from.
-fn experience(screen: &Screen) -> [Line<'static>; 3] {
+fn experience(screen: &Screen, steps: Number) -> [Line<'static>; 3] {
     let (snapshot, counters) = (&screen.snapshot, screen.snapshot.counters);
     if let Some(data) = &snapshot.data {
         let file = data.file.file_name().unwrap_or_default().to_string_lossy();
@@ -84,9 +116,8 @@ fn experience(screen: &Screen) -> [Line<'static>; 3] {
         ];
     }
     let (used, room) = snapshot.replay;
-    let rate = short(snapshot.rates.1);
     [
-        fact("steps", format!("{}, {rate}/s", short(counters.env_steps as f64))),
+        number(steps),
         fact("episodes", short(counters.episodes as f64)),
         fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
     ]
@@ -118,20 +149,10 @@ fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
         let title = distances(&evaluation.greedy.by_distance);
         lines.push(Line::styled(format!(" {:<11}all  {title}", "success"), BOLD));
-        let score = |name: &str, score: &Score| match score.success {
-            Some(success) => {
-                fact(name, format!("{success:.2} {}", success_bars(&score.by_distance)))
-            }
-            None => fact(name, "no tasks"),
-        };
-        lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
-        lines.push(score("alone", &evaluation.greedy));
-        if let Some(error) = evaluation.distance_error {
-            let percent = |mape: f64| format!("{:.0} %", 100.0 * mape);
-            lines.push(fact("error of D", percent(error.mape)));
-            let graph = error.graph.filter(|_| all);
-            lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
-        }
+        let known = scores(screen).into_iter().filter(|(_, value, _)| value != "-");
+        lines.extend(known.map(number));
+        let graph = evaluation.distance_error.and_then(|error| error.graph).filter(|_| all);
+        lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
         if all {
             let at = grouped(screen.snapshot.learned(*updates));
             lines.push(fact("evaluated", format!("at update {at}")));

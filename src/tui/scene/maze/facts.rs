@@ -46,7 +46,7 @@ pub fn legend(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
     let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
     let pairs = [
         [('G', theme.goal, "goal"), ('S', theme.walker, "start of @")],
-        [('@', theme.walker, "walks to G"), ('s', theme.cursor, "g: map's own")],
+        [('@', theme.walker, "walks to G"), ('s', theme.cursor, "g: file's S G")],
     ];
     let mut lines: Vec<Line> = pairs.iter().map(|pair| signs(screen, pair)).collect();
     if screen.run().method.bridges() {

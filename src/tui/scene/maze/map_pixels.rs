@@ -515,7 +515,10 @@ fn draw_minimap(area: Rect, maze: &MazeState, on: &mut Drawing) {
             *look = coarse_look(raster.ground(&maze.map, x, y), |_| Look::plain(0.0));
         }
     };
-    let colours = Colours { theme, field: Field::Plain, farthest: 1.0 };
+    // Floor stands out, and where it is shown stands out from it.
+    let mut bright = *theme;
+    bright.unknown = theme.distance_colour(0.5);
+    let colours = Colours { theme: &bright, field: Field::Plain, farthest: 1.0 };
     ground::draw(&mut canvas, None, &colours, looks, |_, _| false);
     let part = [[left, top], [left + columns, top + rows]];
     canvas.rectangle(part, Ink { on_floor: true, ..Ink::new(theme.walker, 0.5, '.') });

@@ -180,7 +180,7 @@ impl Pool {
     /// Keeps a warning until it is shown.
     fn warn(&self, warning: &str) {
         log::warn!("{}: {warning}", self.address.id);
-        self.warnings.lock().push(format!("warning: {}: {warning}", self.address.id));
+        self.warnings.lock().push(format!("{}: {warning}", self.address.id));
     }
 
     pub fn warn_once(&self, what: &'static str, why: &str) {

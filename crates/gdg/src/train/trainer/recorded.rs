@@ -163,7 +163,7 @@ impl Trainer {
         let is_lost = facts.is_some() && FileFacts::of(&source.file) != *facts;
         let file = source.file.display();
         let said = "has changed or is gone: checkpoints contain the data from now on";
-        is_lost.then(|| format!("warning: {file} {said}"))
+        is_lost.then(|| format!("{file} {said}"))
     }
 
     /// Looks for what users should be told now; returns whether there is anything.
@@ -199,7 +199,7 @@ impl Trainer {
         let mut data: Option<Data> = store.get(DATA)?;
         match &mut data {
             Some(data @ Data { own_replay: None, .. }) => {
-                let (moved, world) = (self.registry.data(), self.world());
+                let (moved, world) = (self.registry.data.as_deref(), self.world());
                 match Dataset::reread(&data.source, moved, world, progress) {
                     Ok(read) => {
                         self.replay = self.replay_of(&read);
