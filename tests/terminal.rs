@@ -261,7 +261,7 @@ fn an_edit_to_come_is_made_in_the_interface_too() {
     let mut session = Session::start(folder.path(), &["--resume", "run.safetensors"]);
     session.wait_for("edited as planned: 1 cell walled");
     // What is shown is the trainer's map.
-    session.wait_for("seed 0  training");
+    session.wait_for("seed 0  relearning");
     // It asks only about more than a few seconds of training.
     session.press("qd");
     session.end();
