@@ -27,7 +27,7 @@ const LIBRARY: [Room; 15] = [
     ("env", 6_543),
     ("learn", 8_823),
     ("bridge", 4_007),
-    ("train", 6_972),
+    ("train", 6_982),
     ("engine", 1_215),
     ("draw", 810),
     ("viewer", 1_670),
@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_663),
-    ("tui", 19_248),
+    ("tui", 19_237),
     ("cli", 601),
     ("commands", 1_001),
 ];

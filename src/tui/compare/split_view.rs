@@ -128,7 +128,7 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
         let [back, forth, close] = [Action::Back, Action::Forth, Action::Close].map(key);
         format!(" looking back: {back} {forth} {close}")
     } else {
-        " nothing is saved".to_owned()
+        " changes are not saved".to_owned()
     };
     let room = usize::from(area.width).saturating_sub(bar.width());
     bar.push(Span::styled(fitted(&text, room), DIM), None);
@@ -178,7 +178,7 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
 fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> {
     let Session { cx: Cx { screen, scene, .. }, .. } = &comparison.sessions[own];
     let (arrived, races) = (comparison.race.results.0[own], comparison.race.results.1);
-    let raced = if races > 0 { format!("{arrived} of {races}") } else { "-".to_owned() };
+    let raced = if races > 0 { format!("{arrived} of {races}") } else { "none yet".to_owned() };
     let [updates, steps] = training::counters(screen);
     let [planned, alone, error] = training::scores(screen);
     let [walk, shortest] = legend::walk(&**scene);

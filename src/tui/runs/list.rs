@@ -6,10 +6,7 @@ use std::collections::{BTreeMap, HashSet};
 use std::io::{Error, ErrorKind, Result as IoResult};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
-
-use jiff::Timestamp;
-use jiff::tz::TimeZone;
+use std::time::SystemTime;
 
 use super::Wish;
 use crate::experiment::saved_runs::{
@@ -275,20 +272,11 @@ fn wish(run: &SavedRun, beside: Option<&Arc<SavedRun>>) -> Result<Wish, String> 
 
 /// Says what is awaited of a run that has not been saved yet.
 fn awaited(run: &SavedRun) -> String {
-    let trained = Duration::try_from_secs_f64(run.progress.seconds).unwrap_or_default();
-    let due = |every: f64| {
-        let at = run.written? + Duration::try_from_secs_f64(every).ok()?.saturating_sub(trained);
-        if at <= SystemTime::now() {
-            return Some("any moment".to_owned());
-        }
-        let at = Timestamp::try_from(at).ok()?.to_zoned(TimeZone::system());
-        Some(at.strftime("about %R").to_string())
-    };
     let when = match &run.saves {
         _ if run.method.is_empty() => "it begins".to_owned(),
         Some((_, Some(every))) => {
             let minutes = (every / 6.0).round() / 10.0;
-            format!("every {minutes} min, first {}", due(*every).unwrap_or_default())
+            format!("after 15 s of training, then every {minutes} min")
         }
         Some((_, None)) => "at its end".to_owned(),
         None => "never: it has no --save".to_owned(),

@@ -239,9 +239,9 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     let plan = if reach.arrived { &arrived } else { "on its way" };
     let full = format!("@ planned: {plan}; a, the actor alone: {actor}");
     let short = full.replace(", the actor", "").replace(" steps", "");
-    let who = (reach.arrived && ghost.arrived).then(|| difference(reach.steps, ghost.steps));
-    let who = who.into_iter().flat_map(|who| [format!("{full}: {who}"), who]);
-    Some(who.chain([full.clone(), short]).collect())
+    let both = reach.arrived && ghost.arrived;
+    let who = both.then(|| format!("{full}: {}", difference(reach.steps, ghost.steps)));
+    Some(who.into_iter().chain([full, short]).collect())
 }
 
 /// Returns the lines about the walking agent, the same ones for every method and at any time.

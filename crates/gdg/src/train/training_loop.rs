@@ -47,6 +47,9 @@ pub enum TrainingEvent {
     Ended(EndReason),
 }
 
+/// The first save is due this soon, so that others can watch the run.
+const FIRST_SAVE: Duration = Duration::from_secs(15);
+
 /// Runs a trainer tick by tick, and tells a front end what is due in between.
 #[derive(Debug)]
 pub struct TrainingLoop {
@@ -60,7 +63,9 @@ pub struct TrainingLoop {
 
 impl TrainingLoop {
     pub fn new(schedule: Schedule) -> Self {
-        Self { schedule, due: VecDeque::new(), evaluations: 0, saved_at: Instant::now() }
+        let (now, every) = (Instant::now(), schedule.save_every.unwrap_or_default());
+        let saved_at = now.checked_sub(every.saturating_sub(FIRST_SAVE)).unwrap_or(now);
+        Self { schedule, due: VecDeque::new(), evaluations: 0, saved_at }
     }
 
     /// Like [`Self::new`], for a run that may have been stopped between a tick and what was due
@@ -199,7 +204,12 @@ mod tests {
         let limits = Limits { updates: Some(5), ..Limits::default() };
         let mut trainer = trainer();
         trainer.edits = [4, 2, 4].map(|updates| edit(&trainer, updates)).into();
-        let (all, reason) = course(&mut TrainingLoop::new(schedule), &mut trainer, limits);
+        let mut training = TrainingLoop::new(schedule);
+        assert!(
+            training.saved_at.elapsed() > Duration::from_mins(59),
+            "the first save is due soon"
+        );
+        let (all, reason) = course(&mut training, &mut trainer, limits);
         let (edit, evaluation) = (TrainingEvent::Edit, TrainingEvent::Evaluation);
         let at_four = [TrainingEvent::Progress, edit, edit, evaluation].map(|due| (4, due));
         assert_eq!(all, [vec![(2, edit)], at_four.to_vec()].concat());
