@@ -111,7 +111,7 @@ const ROWS: &[ScreenTest] = &[
     // Panes.
     (New, SMALL, "{click legend}", &["bridge edges", "contours"], &[]),
     (New, NARROW, "{tab}", &["updates"], &["D to G"]),
-    (Run, (41, 12), "", &["unsaved"], &[" saved"]),
+    (Run, (66, 20), "", &["unsaved"], &[" saved"]),
     (New, NARROW, "M", &["0:00:00 gdg-bridge on rooms, 20 x 5 cells", "(update"], &["accept"]),
     (New, SMALL, "z", &["updates", "replay"], &["D to G"]),
     (Run, SMALL, "z", &["D loss", "critic: error of the distance D it learns"], &[]),
