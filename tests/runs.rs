@@ -180,7 +180,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     // Before the first save.
     std::fs::remove_file(path("own.safetensors")).unwrap();
     let mut session = Session::start(folder.path(), &["watch", "own.safetensors"]);
-    session.wait_for("own.safetensors: not saved yet; every ");
+    session.wait_for("own.safetensors: not saved yet; after 15 s");
     std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
     std::fs::File::options()
         .append(true)
