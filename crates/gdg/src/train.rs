@@ -47,7 +47,7 @@ pub use settings_file::{
     reference_page, setting_page, settings_from, settings_in_world, with_setting,
 };
 pub use trainer::{About, Edit, LeftOut, Recovery, Saved, Trainer, WorldChange, resets_networks};
-pub use training_loop::{EvaluateAt, Schedule, TrainingEvent, TrainingLoop};
+pub use training_loop::{EvaluateAt, FIRST_SAVE, Schedule, TrainingEvent, TrainingLoop};
 
 type Result<T, E = TrainError> = std::result::Result<T, E>;
 

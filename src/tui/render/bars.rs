@@ -51,7 +51,9 @@ pub fn draw_header(page: &mut ScreenPainter, area: Rect) {
     parts.extend(saved.map(|part| (Span::styled(part, DIM), Action::Save)));
     // If room is short, shorten long names, then leave out what identifies the run.
     shorten(&mut parts, Action::OpenMap, area, LONG_TITLE);
-    shorten(&mut parts, Action::Save, area, if file.is_none() { usize::MAX } else { 0 });
+    if file.is_some() {
+        shorten(&mut parts, Action::Save, area, 0);
+    }
     for left_out in [Action::NewSeed, Action::Preset, Action::Method, Action::Save] {
         if parts_width(&parts) > usize::from(area.width) {
             parts.retain(|(_, action)| *action != left_out);

@@ -275,8 +275,9 @@ fn awaited(run: &SavedRun) -> String {
     let when = match &run.saves {
         _ if run.method.is_empty() => "it begins".to_owned(),
         Some((_, Some(every))) => {
+            let first = gdg::train::FIRST_SAVE.as_secs_f64().min(*every);
             let minutes = (every / 6.0).round() / 10.0;
-            format!("after 15 s of training, then every {minutes} min")
+            format!("after {first} s of training, then every {minutes} min")
         }
         Some((_, None)) => "at its end".to_owned(),
         None => "never: it has no --save".to_owned(),

@@ -157,11 +157,8 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Re
     let rows = list.shown().len();
     let (sorted, reversed) = list.order;
     if rows > 1 && columns(list, area.width.into()).iter().all(|(shown, _)| *shown != sorted) {
-        spans.push(Span::raw(format!(
-            " by {}{} ",
-            COLUMNS[sorted].name,
-            ARROWS[usize::from(reversed)]
-        )));
+        let (name, arrow) = (COLUMNS[sorted].name, ARROWS[usize::from(reversed)]);
+        spans.push(Span::raw(format!(" by {name}{arrow} ")));
     }
     if rows > usize::from(view.height) {
         let last = rows.min(first + usize::from(view.height));

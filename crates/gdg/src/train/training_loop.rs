@@ -48,7 +48,7 @@ pub enum TrainingEvent {
 }
 
 /// The first save is due this soon, so that others can watch the run.
-const FIRST_SAVE: Duration = Duration::from_secs(15);
+pub const FIRST_SAVE: Duration = Duration::from_secs(15);
 
 /// Runs a trainer tick by tick, and tells a front end what is due in between.
 #[derive(Debug)]
