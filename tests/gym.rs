@@ -52,11 +52,10 @@ fn train(folder: &Path, name: &str, args: &[&str]) -> Command {
     command
 }
 
-/// Resumes a run, with other arguments.
+/// Resumes a run, with other arguments and the interpreter that its checkpoint names.
 fn resume(folder: &Path, file: &str, args: &[&str]) -> Command {
     let mut command = program(folder);
-    command.args(["--no-ui", "--resume", file, "--threads", "1", "--eval-tasks", "4"]);
-    command.arg("--python").arg(python()).args(args);
+    command.args(["--no-ui", "--resume", file, "--threads", "1", "--eval-tasks", "4"]).args(args);
     command
 }
 
@@ -854,7 +853,7 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
         assert_says(&stderr(&output), said);
         assert_says(
             &stderr(&output),
-            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --python",
+            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --env-timeout",
         );
         if name == "Raises" {
             assert_says(&stderr(&output), "awkward.py, line");
@@ -899,7 +898,7 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
     assert_eq!((records(&always, "evaluation").len(), always.status.code()), (0, Some(1)));
     assert_says(
         &stderr(&always),
-        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --python",
+        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --env-timeout",
     );
     let resumed =
         resume(folder.path(), "run.safetensors", &["--max-updates", "60"]).output().unwrap();
@@ -948,7 +947,8 @@ fn what_a_checkpoint_knows_is_exported_without_its_environment() {
     let exported = nowhere(&["export-data", "run.safetensors"]);
     assert!(exported.status.success(), "{}", stderr(&exported));
     // To go on, it needs it.
-    let resumed = nowhere(&["--no-ui", "--resume", "run.safetensors"]);
+    let args = ["--no-ui", "--resume", "run.safetensors", "--python", "nowhere/python"];
+    let resumed = nowhere(&args);
     assert_says(&stderr(&resumed), "there is no Python interpreter");
 }
 

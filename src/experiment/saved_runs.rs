@@ -106,11 +106,10 @@ pub enum RunKind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunState {
-    Done,
-    /// It was saved, and can go on.
-    Saved,
+    /// Nobody trains it any more, as far as is known: it can go on if it was saved.
+    Ended,
     Interrupted,
-    /// It goes on: its records grow.
+    /// It goes on: its records grow, or a program has its checkpoint open.
     Running,
     /// Its records have neither an end nor grown lately.
     CutOff,
@@ -119,10 +118,9 @@ pub enum RunState {
 impl RunState {
     pub fn name(self) -> &'static str {
         match self {
-            Self::Done => "done",
-            Self::Saved => "saved",
+            Self::Ended => "ended",
             Self::Interrupted => "stopped",
-            Self::Running => "running",
+            Self::Running => "training",
             Self::CutOff => "cut off",
         }
     }
@@ -137,7 +135,7 @@ impl SavedRun {
         Self {
             source,
             kind: RunKind::Result,
-            end: Some(RunState::Done),
+            end: Some(RunState::Ended),
             fingerprint: result.fingerprint,
             map: id.unwrap_or(&result.world).to_owned(),
             method: result.method.name(),
@@ -172,9 +170,9 @@ impl SavedRun {
         // Some times the time between two of its records.
         let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
         let pause = Duration::try_from_secs_f64(seconds).unwrap_or_default();
-        let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
+        let is_trained = || is_within(MOST_BETWEEN_SAVES) && is_held() || is_in_use(&self.source);
         match self.end {
-            Some(_) if is_job && is_held() => RunState::Running,
+            Some(_) if self.kind == RunKind::Checkpoint && is_trained() => RunState::Running,
             Some(end) => end,
             None if self.method.is_empty() && !is_within(BEGINS) => RunState::CutOff,
             None if is_within(QUIET.max(pause)) || is_in_use(&self.source) => RunState::Running,
@@ -227,6 +225,10 @@ impl SavedRun {
         };
         let all = all.iter().map(text).collect::<Vec<_>>().join(",");
         (!all.is_empty()).then_some(all)
+    }
+
+    pub fn plans(&self) -> bool {
+        self.evaluations.iter().any(|at| at.evaluation.planned.is_some())
     }
 
     fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
@@ -478,7 +480,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: RunKind::Checkpoint,
-        end: Some(RunState::Saved),
+        end: Some(RunState::Ended),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
         edits,

@@ -4,7 +4,7 @@
 //! +----------------------------------------------------------+
 //! | map, method, preset, seed, phase, unsaved updates        |  header
 //! +---------------------------------------+------------------+
-//! |                                       | pane names       |
+//! | a hint, or how @ walks                | pane names       |
 //! | map or arm                            | pane             |
 //! |                                       | (more panes if   |
 //! | meaning of colours, or facts of a cell|  there is room)  |  info
@@ -106,12 +106,14 @@ pub fn draw_panes(
             let [side, caption] = caption::split(side, screen);
             [map_pane, side, caption]
         };
+        let [hint, map_pane] =
+            Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(map_pane);
         page.layout.map_pane = map_pane;
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         let ScreenPainter { frame, layout, .. } = &mut page;
         scene.draw([map, info], Drawing { frame, screen, layout, cache });
-        bars::draw_hint(&mut page, map);
+        bars::draw_hint(&mut page, hint);
         caption::draw(&mut page, caption);
         if !side.is_empty() {
             side::draw(&mut page, side);

@@ -27,7 +27,6 @@ use super::dialog::Dialog;
 use super::interface::TerminalRequest;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
-use super::lists;
 use super::render;
 use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
@@ -271,13 +270,6 @@ impl Session {
         }
         if self.screen.run() != &*before.run {
             self.screen.update_changed_settings();
-            let items = lists::setting_items(&self.screen);
-            for dialog in &mut self.screen.dialogs {
-                match dialog {
-                    Dialog::Pick(list) if list.are_settings => list.update(items.clone()),
-                    _ => {}
-                }
-            }
         }
         let then = self.saver.on_snapshot(&before, &mut self.cx);
         then.into_iter().for_each(|then| self.choose(then));

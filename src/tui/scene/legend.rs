@@ -16,7 +16,7 @@ use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::{Number, fact, fitted_line, heading, number, short};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme};
+use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme, ink};
 use gdg::bridge::EdgeStatus;
 use gdg::text::{counted, grouped};
 use gdg::viewer::{Field, Ghost, Graph};
@@ -93,12 +93,11 @@ pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'sta
 }
 
 /// The row of the legend that its overlays begin in.
-pub const FIRST_OVERLAY: usize = 2;
+pub const FIRST_OVERLAY: usize = 1;
 
-/// Returns the legend: the colour scale, a line for each available overlay with its sign, and signs.
+/// Returns the legend: a line for each available overlay with its sign, and signs.
 pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
-    let scale = scale_of(scene, screen, SHORT_BAR_WIDTH);
-    let mut lines = vec![scale, heading("toggle by key or click")];
+    let mut lines = vec![heading("toggle by key or click")];
     for overlay in overlays(scene, screen) {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let (mark, style) =
@@ -157,7 +156,8 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
         Overlay::Contours => return None,
         Overlay::Unexplored => (of_depth(UNVISITED_MARK, '\u{2592}'), theme.frontier),
         Overlay::Agents => (of_depth('o', '\u{25a0}'), theme.agent),
-        Overlay::Candidates => (CANDIDATE_MARK, theme.cursor),
+        // In black or white, as on any ground.
+        Overlay::Candidates => (CANDIDATE_MARK, ink(theme.page.map_or((0, 0, 0), |page| page.1))),
         Overlay::Edges => ('\u{2500}', theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (of_depth('+', '\u{25a0}'), theme.path),
