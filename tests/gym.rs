@@ -361,9 +361,9 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
     let folder = tempfile::tempdir().unwrap();
     // All tasks of the second begin in one corner, which takes longer to learn.
     let worlds = [
-        ("Point", 1, "600", &[("greedy", 0.75)][..]),
-        ("Tasks", 3, "2400", &[("greedy", 0.1), ("planned", 0.4)]),
-        ("Writes", 1, "600", &[("greedy", 0.75)]),
+        ("Point", 1, "600", &[("alone", 0.75)][..]),
+        ("Tasks", 3, "2400", &[("alone", 0.1), ("planned", 0.4)]),
+        ("Writes", 1, "600", &[("alone", 0.75)]),
     ];
     for (name, groups, updates, least) in worlds {
         let args =
@@ -649,7 +649,7 @@ fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     }
     assert!(nearest < 0.5, "{nearest}");
     let output = train(folder.path(), "Maze", &["--max-updates", "20"]).output().unwrap();
-    let coverage = records(&output, "evaluation")[0]["coverage"].as_f64().unwrap();
+    let coverage = records(&output, "evaluation")[0]["explored"].as_f64().unwrap();
     assert!(coverage > 0.0 && coverage <= 1.0, "{coverage}");
 }
 
@@ -1168,7 +1168,7 @@ fn the_real_arm_is_learned_and_resumed_exactly() {
     };
     let whole = train(&["--max-updates", "800"]);
     let found = &records(&whole, "evaluation")[0];
-    assert!(found["greedy"]["success"].as_f64().unwrap() >= 0.9, "{found}");
+    assert!(found["alone"]["success"].as_f64().unwrap() >= 0.9, "{found}");
     train(&["--max-updates", "333", "--save", "reach.safetensors"]);
     let resumed = program(folder.path())
         .args(words("--no-ui --resume reach.safetensors --threads 2 --max-updates 800"))

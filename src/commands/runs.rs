@@ -122,7 +122,8 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     let own = || (Some(given.to_owned()), given.to_owned());
     found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
         let problem = if given.exists() { NO_RUNS } else { "does not exist" };
-        miette!("{}: {problem}", given.display())
+        let help = "a run is seen as its checkpoint has it: train with --save FILE";
+        miette!(help = help, "{}: {problem}", given.display())
     })
 }
 

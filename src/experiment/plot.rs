@@ -31,7 +31,7 @@ Examples:
   gdg-tui plot saves/my --out fig.pdf        both methods, and fig.csv behind it
   gdg-tui plot saves/my --y error --x steps --out error.svg --out error.png
   gdg-tui plot saves/my --by map --width page    a chart per method
-  gdg-tui plot saves/a.safetensors b.jsonl   saved runs, and records of gdg-tui --no-ui
+  gdg-tui plot saves/a.safetensors b.jsonl   saved runs, and records of --no-ui
 
 Every curve is the mean over the seeds, on a band from the lowest to the highest; standard \
 error says what to write into the caption.
@@ -172,9 +172,9 @@ impl Measure {
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
-            Self::Alone => evaluation.greedy.success,
-            Self::Error => evaluation.distance_error.map(|error| error.mape),
-            Self::Explored => evaluation.coverage,
+            Self::Alone => evaluation.alone.success,
+            Self::Error => evaluation.error.map(|error| error.mape),
+            Self::Explored => evaluation.explored,
         };
         value.filter(|value| value.is_finite())
     }

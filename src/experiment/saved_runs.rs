@@ -213,7 +213,7 @@ impl SavedRun {
     /// these differ; of the last, jobs may have more.
     fn eval_tasks(&self) -> Option<String> {
         let all = self.evaluations.iter().map(|EvaluationAt { evaluation, .. }| {
-            Some((evaluation.greedy.tasks_per_distance()?, evaluation.scenario.as_deref()))
+            Some((evaluation.alone.tasks_per_distance()?, evaluation.scenario.as_deref()))
         });
         let all: Option<Vec<_>> = all.collect();
         let mut all = self.eval_tasks.map(|own| vec![(own, None)]).or(all)?;
@@ -258,9 +258,9 @@ impl SavedRun {
             "updates": self.updates,
             "evaluated_at": self.evaluations.last().map(|at| at.updates),
             "success": self.of_last(Evaluation::success_rate),
-            "greedy": self.of_last(|last| last.greedy.success),
-            "distance_error": self.of_last(|last| Some(last.distance_error?.mape)),
-            "coverage": self.of_last(|last| last.coverage),
+            "alone": self.of_last(|last| last.alone.success),
+            "error": self.of_last(|last| Some(last.error?.mape)),
+            "explored": self.of_last(|last| last.explored),
             "written": written,
             "checkpoint": checkpoint.map(Path::to_string_lossy),
         })
@@ -286,7 +286,7 @@ pub const COLUMNS: [RunColumn; 9] = [
     number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
     number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
     number("planned", |run| rate(planned(run)), planned),
-    number("alone", |run| rate(greedy(run)), greedy),
+    number("alone", |run| rate(alone(run)), alone),
     text("state", |run| run.state().name().to_owned()),
     number(
         "written",
@@ -315,8 +315,8 @@ fn planned(run: &SavedRun) -> Option<f64> {
     run.of_last(|last| last.planned.as_ref()?.success)
 }
 
-fn greedy(run: &SavedRun) -> Option<f64> {
-    run.of_last(|last| last.greedy.success)
+fn alone(run: &SavedRun) -> Option<f64> {
+    run.of_last(|last| last.alone.success)
 }
 
 pub fn name(file: &Path) -> String {

@@ -340,8 +340,7 @@ fn log_evaluation(screen: &mut Screen) {
     let snapshot = &screen.snapshot;
     let Some((updates, e)) = snapshot.evaluations.last() else { return };
     let updates = snapshot.learned(*updates);
-    let error =
-        e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
+    let error = e.error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
     // Training goes on while tasks are walked.
     let at = if updates == snapshot.updates() {
         String::new()

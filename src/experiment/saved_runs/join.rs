@@ -206,7 +206,7 @@ mod tests {
             env_steps: 0,
             // Each part has its own.
             seconds: begun as f64,
-            evaluation: Evaluation { greedy: score.clone(), ..Evaluation::default() },
+            evaluation: Evaluation { alone: score.clone(), ..Evaluation::default() },
         };
         SavedRun {
             source: source.into(),

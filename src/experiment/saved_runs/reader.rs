@@ -276,7 +276,7 @@ mod tests {
         let folder = folder_of(&[("1.jsonl", &(START.to_owned() + &first + &resumed + &again))]);
         let curve = read_all(folder.path()).remove(0);
         let curve = curve.evaluations.iter();
-        let curve: Vec<_> = curve.map(|at| (at.updates, at.evaluation.greedy.success)).collect();
+        let curve: Vec<_> = curve.map(|at| (at.updates, at.evaluation.alone.success)).collect();
         assert_eq!(curve, [(3_000, Some(0.1)), (6_000, Some(0.4)), (7_000, Some(0.5))]);
     }
 

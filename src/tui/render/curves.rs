@@ -113,10 +113,10 @@ pub fn plots(screen: &Screen, theme: &Theme, has_true_distances: bool) -> Vec<Pl
     let coverage = coverage.map(|(at, share)| (along(screen, at), share)).collect();
     let mut success =
         of("planned", [Measure::Success.colour(true), 0], &|e| e.planned.as_ref()?.success);
-    success.extend(of("alone", [own(Measure::Alone), 1], &|e| e.greedy.success));
+    success.extend(of("alone", [own(Measure::Alone), 1], &|e| e.alone.success));
     success.push(curve("explored", [own(Measure::Explored), 2], coverage));
-    let mut errors = of("D", [own(Measure::Error), 0], &|e| Some(100.0 * e.distance_error?.mape));
-    let graph = |e: &Evaluation| Some(100.0 * e.distance_error?.graph?.mape);
+    let mut errors = of("D", [own(Measure::Error), 0], &|e| Some(100.0 * e.error?.mape));
+    let graph = |e: &Evaluation| Some(100.0 * e.error?.graph?.mape);
     errors.extend(of("via graph", [VIA_GRAPH, 1], &graph));
     let rate = |title, curves| Plot { title, curves, max: Some(1.0), log: false };
     let errors = Plot { title: "error of D, %", curves: errors, max: None, log: true };
@@ -146,7 +146,7 @@ pub fn group_name(group: &DistanceScore, i: usize, groups: usize) -> String {
 
 /// Returns the success at each distance, with planning if the method plans.
 fn by_distance(e: &Evaluation) -> &[DistanceScore] {
-    &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
+    &e.planned.as_ref().unwrap_or(&e.alone).by_distance
 }
 
 /// Draws a chart of the window; returns where its lines are, unless there are none.

@@ -19,9 +19,9 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
         env_steps: 16_000 * (i as u64 + 1),
         seconds: 2.0 * (i as f64 + 1.0),
         evaluation: Evaluation {
-            greedy: score(if plans { success / 2.0 } else { *success }),
+            alone: score(if plans { success / 2.0 } else { *success }),
             planned: plans.then(|| score(*success)),
-            coverage: Some(0.5),
+            explored: Some(0.5),
             ..Evaluation::default()
         },
     };

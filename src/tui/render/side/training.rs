@@ -66,10 +66,10 @@ pub fn scores(screen: &Screen) -> [Number; 3] {
         Some((_, None)) => (name, "no tasks".to_owned(), String::new()),
         None => (name, "-".to_owned(), String::new()),
     };
-    let error = found.and_then(|found| found.distance_error);
+    let error = found.and_then(|found| found.error);
     [
         score("planned", found.and_then(|found| found.planned.as_ref())),
-        score("alone", found.map(|found| &found.greedy)),
+        score("alone", found.map(|found| &found.alone)),
         ("error of D", error.map_or("-".to_owned(), |error| percent(error.mape)), String::new()),
     ]
 }
@@ -147,12 +147,12 @@ fn losses(screen: &Screen, all: bool) -> Vec<Line<'static>> {
 fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     let found = screen.snapshot.evaluation();
     let title = found.map_or("not evaluated yet".to_owned(), |(_, evaluation)| {
-        format!("all  {}", distances(&evaluation.greedy.by_distance))
+        format!("all  {}", distances(&evaluation.alone.by_distance))
     });
     let mut lines = vec![Line::styled(format!(" {:<11}{title}", "success"), BOLD)];
     lines.extend(scores(screen).into_iter().filter(|(_, value, _)| value != "-").map(number));
     if let Some((updates, evaluation)) = found.filter(|_| all) {
-        let graph = evaluation.distance_error.and_then(|error| error.graph);
+        let graph = evaluation.error.and_then(|error| error.graph);
         lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
         let at = grouped(screen.snapshot.learned(*updates));
         lines.push(fact("evaluated", format!("at update {at}")));
