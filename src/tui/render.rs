@@ -90,7 +90,7 @@ pub fn draw_panes(
     if screen.maximised {
         side::draw(&mut page, body);
     } else {
-        let [map_pane, side] = match panel {
+        let [mut map_pane, mut side] = match panel {
             PanelPosition::Beside(columns) => {
                 Layout::horizontal([Constraint::Min(0), Constraint::Length(columns)]).areas(body)
             }
@@ -99,13 +99,9 @@ pub fn draw_panes(
             }
             PanelPosition::Nowhere => [body, Rect::default()],
         };
-        let [map_pane, side, caption] = if side.is_empty() {
-            let [map_pane, caption] = caption::split(map_pane, screen);
-            [map_pane, side, caption]
-        } else {
-            let [side, caption] = caption::split(side, screen);
-            [map_pane, side, caption]
-        };
+        let beside = if side.is_empty() { &mut map_pane } else { &mut side };
+        let [rest, caption] = caption::split(*beside, screen);
+        *beside = rest;
         let [hint, map_pane] =
             Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(map_pane);
         page.layout.map_pane = map_pane;

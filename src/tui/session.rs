@@ -178,10 +178,6 @@ impl Session {
         self.terminal_request = Some(request);
     }
 
-    pub fn save(&mut self) {
-        self.saver.save(&mut self.cx);
-    }
-
     pub fn quit(&mut self) {
         self.catch_up();
         self.saver.quit(&mut self.cx);

@@ -243,7 +243,7 @@ const VIEW: &[Binding] = &[
     overlay(Overlay::Contours, "contours", &["c"])
         .about("contour lines, on or off", "isolines levels overlay layer hide show"),
     overlay(Overlay::Unexplored, "unvisited", &["x"])
-        .about("unvisited cells and their edge, on or off", "unexplored exploration frontier fog"),
+        .about("unvisited places and their edge, on or off", "unexplored exploration frontier fog"),
     overlay(Overlay::Agents, "agents", &["a"])
         .about("exploring agents, trails, frontier goals, on or off", "explorers robots dots"),
     overlay(Overlay::Candidates, "candidates", &["b"])
@@ -347,7 +347,7 @@ const MAP_EDITOR: &[Binding] = &[
 ];
 
 const FILES: &[Binding] = &[
-    watch(A::Save, "save", &["s"], |s, _| s.save())
+    watch(A::Save, "save", &["s"], |s, _| _ = s.saver.save(&mut s.cx))
         .about("save a checkpoint", "store write keep networks model weights")
         .short("save"),
     bind(A::SaveAs, "save-as", &[], |s, _| {

@@ -28,11 +28,12 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 /// The actor stands still after this many steps in one place.
 const STANDS_STEPS: u32 = 20;
 
-/// Returns a field's name, the values at both ends, and a bar of `bar` characters if it has one.
-pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
-    let name = Span::raw(format!(" {} ", field.name()));
+/// Returns the name of the field that is shown, the values at both ends, and a bar of `bar` characters.
+fn scale(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
+    let (theme, field) = (&screen.theme, scene.shown_field(screen));
+    let (name, farthest) = (Span::raw(format!(" {} ", field.name())), scene.farthest(screen));
     let (low, high) = match field {
-        Field::Plain => return None,
+        Field::Plain => return Line::raw(format!(" {} only ", scene.noun())),
         Field::Error => {
             let most = 100.0 * MAX_SHOWN_ERROR;
             let [short, long] = if bar > SHORT_BAR_WIDTH { [" short", " long"] } else { [""; 2] };
@@ -57,7 +58,7 @@ pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<L
         }
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
-    Some(line)
+    line
 }
 
 /// Draws the line below a scene: the scale, with the first of `texts` and the longest bar that fit.
@@ -66,7 +67,7 @@ pub fn draw_scale(area: Rect, scene: &dyn SceneKind, on: Drawing, texts: &[Strin
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let mut lines = options.map(|(text, bar)| {
-        let mut line = scale_of(scene, screen, bar);
+        let mut line = scale(scene, screen, bar);
         // Without a bar, a blank ends the line.
         let text =
             if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
@@ -74,7 +75,7 @@ pub fn draw_scale(area: Rect, scene: &dyn SceneKind, on: Drawing, texts: &[Strin
         line
     });
     let line = lines.find(|line| line.width() <= usize::from(area.width));
-    let line = line.unwrap_or_else(|| scale_of(scene, screen, SHORT_BAR_WIDTH));
+    let line = line.unwrap_or_else(|| scale(scene, screen, SHORT_BAR_WIDTH));
     frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }
 
@@ -85,11 +86,6 @@ pub fn offers(scene: &dyn SceneKind, screen: &Screen, action: Action) -> bool {
 
 pub fn overlays(scene: &dyn SceneKind, screen: &Screen) -> impl Iterator<Item = Overlay> {
     Overlay::ALL.into_iter().filter(|of| offers(scene, screen, Action::Toggle(*of)))
-}
-
-pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
-    scale(&screen.theme, scene.shown_field(screen), scene.farthest(screen), bar)
-        .unwrap_or_else(|| Line::raw(format!(" {} only ", scene.noun())))
 }
 
 /// The row of the legend that its overlays begin in.
@@ -127,7 +123,15 @@ pub fn edge_lines(
 }
 
 pub fn sign(screen: &Screen, sign: char, rgb: Rgb, meaning: &str) -> Line<'static> {
-    Line::from(vec![Span::raw(" "), sample(screen, sign, rgb), Span::raw(format!(" {meaning}"))])
+    signs(screen, &[(sign, rgb, meaning)])
+}
+
+/// Returns signs with their meanings in one line.
+pub fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
+    let spans = all.iter().flat_map(|(symbol, rgb, meaning)| {
+        [Span::raw(" "), sample(screen, *symbol, *rgb), Span::raw(format!(" {meaning} "))]
+    });
+    spans.collect()
 }
 
 pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {

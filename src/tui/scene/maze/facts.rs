@@ -1,14 +1,14 @@
 //! Texts about a maze: about a cell, the scale, and in the legend.
 
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 
 use super::MazeState;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::short;
-use crate::tui::scene::legend::{edge_lines, sample, sign};
+use crate::tui::scene::legend::{edge_lines, sign, signs};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, TRAIL_MARK};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb};
+use crate::tui::theme::ColourDepth;
 use gdg::map::Cell;
 
 /// Describes the cell under the cursor or the mouse, walls and D first.
@@ -60,7 +60,7 @@ pub fn legend(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
         lines.push(sign(screen, '\\', theme.cursor, "hatched: no path to G"));
     }
     if !mono && !maze.view.exploration.is_complete(&maze.map) {
-        lines.push(sign(screen, '\u{2500}', theme.frontier, "frontier of visited cells"));
+        lines.push(sign(screen, '\u{2500}', theme.frontier, "frontier of visited places"));
     }
     if screen.run().method.plans() {
         let graph = &maze.view.graph;
@@ -68,17 +68,4 @@ pub fn legend(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
         lines.extend(edge_lines(screen, graph, names));
     }
     lines
-}
-
-fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
-    let mut line = Line::default();
-    for (symbol, rgb, meaning) in all {
-        let gap = if line.spans.is_empty() { " " } else { "  " };
-        line.extend([
-            Span::raw(gap),
-            sample(screen, *symbol, *rgb),
-            Span::raw(format!(" {meaning}")),
-        ]);
-    }
-    line
 }
