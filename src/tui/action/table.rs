@@ -185,7 +185,7 @@ const TRAINING: &[Binding] = &[
     bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
     bind(A::Evaluate, "evaluate", &["y"], |s, _| _ = s.screen.command(EngineCommand::Evaluate))
-        .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
+        .about("evaluate now: how many walks reach their goals", "evaluation measure score")
         .each(),
     watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| change_run::ask_to_restart(s))
         .about("restart with another seed", "reset again scratch random number new run start over"),

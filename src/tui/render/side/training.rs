@@ -26,7 +26,7 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("D loss", "critic: error of the distance D it learns"),
     ("f loss", "model f: error of the next state it predicts"),
     ("mu loss", "actor mu: mean D after its actions"),
-    ("success", "test walks that arrive: all, and near to far"),
+    ("success", "walks that arrive, of an evaluation: all, and near to far"),
     ("planned", "with waypoints planned over bridge points"),
     ("alone", "by the actor alone"),
     ("error of D", "mean error of D against the true steps"),
