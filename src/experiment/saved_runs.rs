@@ -170,9 +170,10 @@ impl SavedRun {
         // Some times the time between two of its records.
         let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
         let pause = Duration::try_from_secs_f64(seconds).unwrap_or_default();
-        let is_trained = || is_within(MOST_BETWEEN_SAVES) && is_held() || is_in_use(&self.source);
+        let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
+        let is_open = || self.others.iter().chain([&self.source]).any(|file| is_in_use(file));
         match self.end {
-            Some(_) if self.kind == RunKind::Checkpoint && is_trained() => RunState::Running,
+            Some(_) if is_job && is_held() || is_open() => RunState::Running,
             Some(end) => end,
             None if self.method.is_empty() && !is_within(BEGINS) => RunState::CutOff,
             None if is_within(QUIET.max(pause)) || is_in_use(&self.source) => RunState::Running,
