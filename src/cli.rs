@@ -131,7 +131,7 @@ pub struct CheckArgs {
     /// Map of the scenario, if it is not in the same folder
     #[arg(long, value_name = "FILE")]
     pub map: Option<PathBuf>,
-    /// Exit with status 3 if a marked goal cannot be reached, or a start is cut off, and say where
+    /// Exit with status 3, otherwise 0, if a marked goal cannot be reached, or a start is cut off
     #[arg(long)]
     pub strict: bool,
     #[command(flatten)]

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use miette::Report;
 
-pub use chart::{Chart, ChartPage, Curve, Point, colour, round_top};
+pub use chart::{COLOURS, Chart, ChartPage, Curve, Point, colour, round_top};
 pub use sheet::{Anchor, Mark, PIXEL, Sheet, fitted};
 
 /// A millimetre in points.

@@ -85,7 +85,7 @@ impl HeadlessOptions {
 
 pub fn run(mut setup: Setup, options: &HeadlessOptions) -> Result<u8, Report> {
     let last = setup.trainer.history().evaluations().last();
-    let before = last.and_then(|(_, last)| last.greedy.tasks_per_distance());
+    let before = last.and_then(|(_, last)| last.alone.tasks_per_distance());
     let options = &HeadlessOptions { eval_tasks: options.eval_tasks.or(before), ..options.clone() };
     let termination = TerminationSignal::listen()?;
     setup.trainer.set_job(termination.job.clone());

@@ -71,7 +71,7 @@ use gdg::map::Reading;
 use gdg::train::{Limits, Registry, SaveTo, Trainer};
 use gdg::viewer::Viewer;
 pub use keymap::Keymap;
-pub use runs::{Opened, Opener, RunsScreen, Wish};
+pub use runs::{NO_RUNS, Opened, Opener, RunsScreen, Wish};
 use session::Session;
 pub use session::elsewhere::TrainedElsewhere;
 use terminal::TerminalStage;

@@ -56,7 +56,7 @@ fn records_have_the_documented_format() {
     let evaluations = of("evaluation");
     assert_eq!(evaluations.len(), 2, "one during training, one at the end");
     let last = evaluations[1];
-    for score in [&last["greedy"], &last["planned"]] {
+    for score in [&last["alone"], &last["planned"]] {
         assert!((0.0..=1.0).contains(&score["success"].as_f64().unwrap()));
         let groups = score["by_distance"].as_array().unwrap();
         assert_eq!(groups.len(), 6);
@@ -67,7 +67,7 @@ fn records_have_the_documented_format() {
         );
     }
     for field in ["mape", "near_mape", "bias", "spearman"] {
-        assert!(last["distance_error"][field].is_number(), "{field}");
+        assert!(last["error"][field].is_number(), "{field}");
     }
     for field in ["candidates", "edges", "false_edges"] {
         assert!(last["bridges"][field].is_number(), "{field}");
@@ -95,7 +95,7 @@ fn metrics_are_also_written_as_a_table() {
     let (evaluated, points): (Vec<_>, Vec<_>) =
         lines.iter().partition(|line| of(line, "event") == "evaluation");
     assert!(points.iter().all(|line| of(line, "critic_loss").parse::<f64>().is_ok()));
-    assert!(points.len() > 5 && points.iter().all(|line| of(line, "greedy_success").is_empty()));
+    assert!(points.len() > 5 && points.iter().all(|line| of(line, "alone_success").is_empty()));
     let records = all.iter().filter(|record| record["event"] == "evaluation");
     assert_eq!(evaluated.len(), 2, "{lines:?}");
     for (line, record) in evaluated.into_iter().zip(records) {
@@ -104,7 +104,7 @@ fn metrics_are_also_written_as_a_table() {
             ("seconds", &record["seconds"]),
             ("updates", &record["updates"]),
             ("env_steps", &record["env_steps"]),
-            ("greedy_success", &record["greedy"]["success"]),
+            ("alone_success", &record["alone"]["success"]),
             ("planned_success_6", &record["planned"]["by_distance"][5]["success"]),
             ("goal_distance_left", left),
         ] {
@@ -161,9 +161,9 @@ fn other_methods_and_the_paper_preset_run() {
             _ => "default",
         };
         assert_eq!(all[0]["preset"], preset, "{args:?}");
-        assert_eq!(evaluation["distance_error"]["graph"].is_null(), !plans, "{args:?}");
+        assert_eq!(evaluation["error"]["graph"].is_null(), !plans, "{args:?}");
         // The trap marks a start and a goal, so this task is evaluated too.
-        let journey = &evaluation["marked"]["greedy"];
+        let journey = &evaluation["marked"]["alone"];
         assert!(
             journey["left_steps"].as_u64().unwrap() <= 200 && journey["reached"].is_boolean(),
             "{journey}"
@@ -177,7 +177,7 @@ fn episodes_can_be_restricted_to_the_start_cell() {
     let args = ["trap", "--max-updates", "20", "--eval-tasks", "1"];
     let coverage = |more: &[&str]| {
         let all = run(&[&args[..], more].concat());
-        all.iter().find(|r| r["event"] == "evaluation").unwrap()["coverage"].as_f64().unwrap()
+        all.iter().find(|r| r["event"] == "evaluation").unwrap()["explored"].as_f64().unwrap()
     };
     let (anywhere, start) =
         (coverage(&["--set", "restart=anywhere"]), coverage(&["--set", "restart=start-cell"]));
@@ -232,7 +232,7 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
 fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let here = |args: &[&str]| in_folder(folder.path(), args);
-    assert!(here(&["runs"]).success().contains("no saved runs yet"));
+    assert!(here(&["runs"]).success().contains("no runs here yet"));
     assert!(here(&["check", "city"]).success().contains("farthest"));
     for (line, part) in [
         ("--no-ui --resume", "there is no checkpoint in saves/"),
@@ -261,7 +261,7 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let names = "map method seed updates planned alone state written file";
     assert_eq!(columns.join(" "), names);
     assert!(lines[1].ends_with("saves/fourrooms.safetensors"), "newest first: {table}");
-    for part in ["trap", "gdg-bridge", " 4 ", " 20 ", " 0.", " saved "] {
+    for part in ["trap", "gdg-bridge", " 4 ", " 20 ", " 0.", " ended "] {
         assert!(lines[2].contains(part), "{part:?} is not in {}", lines[2]);
     }
     assert!(listed.err.contains("saves/none.safetensors: "), "{}", listed.err);
@@ -355,7 +355,7 @@ fn an_evaluation_without_tasks_reports_no_numbers() {
     assert!(done.status == Some(3) && done.err.contains("no tasks"), "{}", done.err);
     let all = done.records();
     let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
-    for score in [&evaluation["greedy"], &evaluation["planned"]] {
+    for score in [&evaluation["alone"], &evaluation["planned"]] {
         for number in ["success", "spl", "steps_ratio"] {
             assert!(
                 score[number].is_null() && score.as_object().unwrap().contains_key(number),
@@ -363,7 +363,7 @@ fn an_evaluation_without_tasks_reports_no_numbers() {
             );
         }
     }
-    assert!(evaluation["distance_error"].is_null(), "{evaluation}");
+    assert!(evaluation["error"].is_null(), "{evaluation}");
 }
 
 #[test]
@@ -397,7 +397,7 @@ fn a_scenario_is_evaluated_in_six_ranges() {
             (&2.into(), true)
         );
         let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
-        let groups = evaluation["greedy"]["by_distance"].as_array().unwrap();
+        let groups = evaluation["alone"]["by_distance"].as_array().unwrap();
         let means: Vec<_> = groups.iter().map(|g| g["distance_steps"].as_f64().unwrap()).collect();
         assert_eq!(means, [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]);
     }

@@ -52,11 +52,10 @@ fn train(folder: &Path, name: &str, args: &[&str]) -> Command {
     command
 }
 
-/// Resumes a run, with other arguments.
+/// Resumes a run, with other arguments and the interpreter that its checkpoint names.
 fn resume(folder: &Path, file: &str, args: &[&str]) -> Command {
     let mut command = program(folder);
-    command.args(["--no-ui", "--resume", file, "--threads", "1", "--eval-tasks", "4"]);
-    command.arg("--python").arg(python()).args(args);
+    command.args(["--no-ui", "--resume", file, "--threads", "1", "--eval-tasks", "4"]).args(args);
     command
 }
 
@@ -362,9 +361,9 @@ fn a_point_learns_and_tasks_are_the_environments_own() {
     let folder = tempfile::tempdir().unwrap();
     // All tasks of the second begin in one corner, which takes longer to learn.
     let worlds = [
-        ("Point", 1, "600", &[("greedy", 0.75)][..]),
-        ("Tasks", 3, "2400", &[("greedy", 0.1), ("planned", 0.4)]),
-        ("Writes", 1, "600", &[("greedy", 0.75)]),
+        ("Point", 1, "600", &[("alone", 0.75)][..]),
+        ("Tasks", 3, "2400", &[("alone", 0.1), ("planned", 0.4)]),
+        ("Writes", 1, "600", &[("alone", 0.75)]),
     ];
     for (name, groups, updates, least) in worlds {
         let args =
@@ -650,7 +649,7 @@ fn a_maze_has_goals_everywhere_and_its_walls_are_drawn() {
     }
     assert!(nearest < 0.5, "{nearest}");
     let output = train(folder.path(), "Maze", &["--max-updates", "20"]).output().unwrap();
-    let coverage = records(&output, "evaluation")[0]["coverage"].as_f64().unwrap();
+    let coverage = records(&output, "evaluation")[0]["explored"].as_f64().unwrap();
     assert!(coverage > 0.0 && coverage <= 1.0, "{coverage}");
 }
 
@@ -854,7 +853,7 @@ fn whatever_goes_wrong_the_run_is_saved_and_goes_on() {
         assert_says(&stderr(&output), said);
         assert_says(
             &stderr(&output),
-            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --python",
+            "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --env-timeout",
         );
         if name == "Raises" {
             assert_says(&stderr(&output), "awkward.py, line");
@@ -899,7 +898,7 @@ fn an_evaluation_whose_environment_fails_is_tried_once_more_and_then_left_out() 
     assert_eq!((records(&always, "evaluation").len(), always.status.code()), (0, Some(1)));
     assert_says(
         &stderr(&always),
-        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --python",
+        "the run is saved to run.safetensors: gdg-tui --resume run.safetensors --env-timeout",
     );
     let resumed =
         resume(folder.path(), "run.safetensors", &["--max-updates", "60"]).output().unwrap();
@@ -948,7 +947,8 @@ fn what_a_checkpoint_knows_is_exported_without_its_environment() {
     let exported = nowhere(&["export-data", "run.safetensors"]);
     assert!(exported.status.success(), "{}", stderr(&exported));
     // To go on, it needs it.
-    let resumed = nowhere(&["--no-ui", "--resume", "run.safetensors"]);
+    let args = ["--no-ui", "--resume", "run.safetensors", "--python", "nowhere/python"];
+    let resumed = nowhere(&args);
     assert_says(&stderr(&resumed), "there is no Python interpreter");
 }
 
@@ -1168,7 +1168,7 @@ fn the_real_arm_is_learned_and_resumed_exactly() {
     };
     let whole = train(&["--max-updates", "800"]);
     let found = &records(&whole, "evaluation")[0];
-    assert!(found["greedy"]["success"].as_f64().unwrap() >= 0.9, "{found}");
+    assert!(found["alone"]["success"].as_f64().unwrap() >= 0.9, "{found}");
     train(&["--max-updates", "333", "--save", "reach.safetensors"]);
     let resumed = program(folder.path())
         .args(words("--no-ui --resume reach.safetensors --threads 2 --max-updates 800"))

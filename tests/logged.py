@@ -20,8 +20,8 @@ os.chdir(sys.argv[1])
 os.environ |= {"WANDB_MODE": "offline", "TRACKIO_DIR": "trackio", "HF_HUB_OFFLINE": "1"}
 os.environ["MLFLOW_TRACKING_URI"] = "sqlite:///ml.db"
 RECORDS = [json.loads(line) for name in "ab" for line in pathlib.Path(f"{name}.jsonl").open()]
-CURVE = {r["updates"]: r["greedy"]["success"] for r in RECORDS if r["event"] == "evaluation"}
-METRIC = "greedy/success"
+CURVE = {r["updates"]: r["alone"]["success"] for r in RECORDS if r["event"] == "evaluation"}
+METRIC = "alone/success"
 
 
 def log(service, *files, given=None):

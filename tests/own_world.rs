@@ -36,18 +36,15 @@ fn a_custom_learner_learns_a_custom_world() {
     let mut run = trainer("table+bridges");
     train_to(&mut run, 3_000);
     let found = run.evaluation().unwrap().evaluate(40, &Job::default()).unwrap();
-    let (planned, greedy) =
-        (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap());
-    assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
+    let (planned, alone) = (found.planned.unwrap().success.unwrap(), found.alone.success.unwrap());
+    assert!(planned >= 0.9 && alone >= 0.9, "planned {planned}, alone {alone}");
     let bridges = found.bridges.unwrap();
     assert!(bridges.candidates > 5 && bridges.edges > bridges.candidates, "{bridges:?}");
     // Metrics that the world does not provide are absent.
-    assert!(
-        found.distance_error.is_none() && found.coverage.is_none() && found.greedy.spl.is_none()
-    );
+    assert!(found.error.is_none() && found.explored.is_none() && found.alone.spl.is_none());
     assert!(
         found
-            .greedy
+            .alone
             .by_distance
             .iter()
             .all(|group| group.distance_steps.is_none() && group.success.is_some())
@@ -66,7 +63,7 @@ fn random_actions_take_far_longer_ways_in_a_custom_world() {
         for task in &mut tasks.tasks {
             task.shortest = Some((task.start[0] as f32 - task.goal[0]).abs().ceil() as u32);
         }
-        evaluation.run(&tasks).unwrap().greedy.spl.unwrap()
+        evaluation.run(&tasks).unwrap().alone.spl.unwrap()
     };
     let (random, learned) = (spl("random"), spl("table+bridges"));
     assert!(random < 0.5 * learned, "{random} at random, {learned} learned");

@@ -55,19 +55,19 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     let done = plot(folder.path(), &[&[".", "--width", "84mm"], &out[..]].concat());
     done.success();
     assert_eq!(done.out, "fig.pdf\nfig.svg\nfig.png\nfig.csv\n");
-    has_parts(&done.err, &["mean of 1 to 2 seeds", "planned: gdg-bridge; alone: her"]);
+    has_parts(&done.err, &["mean of 1 to 2 seeds", "success rate over updates"]);
     let table = rows(&folder.path().join("fig.csv"));
     assert_eq!(table[0], ["chart", "curve", "seed", "updates", "success", "low", "high"]);
-    assert!(
-        table.contains(&["", "gdg-bridge", "2", "400", "1", "", ""].map(str::to_owned).to_vec())
-    );
+    assert!(table.contains(
+        &["", "gdg-bridge, planned", "2", "400", "1", "", ""].map(str::to_owned).to_vec()
+    ));
     let means: Vec<&Vec<String>> = table.iter().filter(|row| row[2] == "mean").collect();
     let of = |curve: &str| {
         let own = means.iter().filter(|row| row[1] == curve);
         own.map(|row| [3, 4, 5, 6].map(|i| row[i].parse::<f64>().unwrap())).collect::<Vec<_>>()
     };
-    assert_eq!(of("gdg-bridge")[..2], [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
-    assert_eq!(of("her"), [[100.0, 0.125, 0.125, 0.125], [200.0, 0.25, 0.25, 0.25]]);
+    assert_eq!(of("gdg-bridge, planned")[..2], [[100.0, 0.2, 0.15, 0.25], [200.0, 0.4, 0.3, 0.5]]);
+    assert_eq!(of("her, alone"), [[100.0, 0.125, 0.125, 0.125], [200.0, 0.25, 0.25, 0.25]]);
 
     let file = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     let svg = String::from_utf8(file("fig.svg")).unwrap();
@@ -102,9 +102,9 @@ fn records_become_means_over_seeds_in_every_format_with_the_table_behind_them() 
     has_parts(&refused.refusal(), &["run.csv: is not a table of a figure"]);
     // The table is one of its own as long as a figure beside it says so.
     std::fs::remove_file(folder.path().join("fig.pdf")).unwrap();
-    let greedy = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "alone"];
-    let greedy = plot(folder.path(), &[&greedy, &out[..]].concat());
-    greedy.success();
+    let alone = ["a.jsonl", "c.jsonl", "--x", "seconds", "--y", "alone"];
+    let alone = plot(folder.path(), &[&alone, &out[..]].concat());
+    alone.success();
     let table = rows(&folder.path().join("fig.csv"));
     assert!(
         table.contains(&["", "gdg-bridge", "1", "6", "0.3", "", ""].map(str::to_owned).to_vec())

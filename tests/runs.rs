@@ -52,14 +52,14 @@ fn runs_of_every_kind_are_lines_of_json() {
     let wanted = json!({
         "kind": "records", "state": "stopped", "map": "room", "method": "her", "seed": 1,
         "settings": {"preset": "tuned", "hidden": 64}, "updates": 1500, "evaluated_at": 1000,
-        "success": 0.25, "greedy": 0.25, "distance_error": null, "coverage": 0.75,
+        "success": 0.25, "alone": 0.25, "error": null, "explored": 0.75,
         "checkpoint": null,
     });
     for (name, value) in wanted.as_object().unwrap() {
         assert_eq!(stopped[name], *value, "{name} of {stopped}");
     }
     let grows = found("grows.jsonl");
-    assert_eq!([&grows["state"], &grows["updates"]], [&json!("running"), &json!(2000)]);
+    assert_eq!([&grows["state"], &grows["updates"]], [&json!("training"), &json!(2000)]);
     let own = found("own.safetensors");
     assert_eq!(own["checkpoint"], "own.safetensors");
     assert_eq!(
@@ -156,7 +156,7 @@ fn a_run_that_is_slow_or_stopped_has_not_ended() {
     };
     wait_until("records", || std::fs::read(&path).unwrap().contains(&b'\n'));
     kill(run.id(), "STOP");
-    assert_eq!(state(), "running");
+    assert_eq!(state(), "training");
     kill(run.id(), "KILL");
     run.wait().unwrap();
     assert_eq!(state(), "cut off");
@@ -191,7 +191,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for("watching own ");
     for key in [" ", "o", "e"] {
         session.press(key);
-        session.wait_for("this run is only watched: s trains a copy");
+        session.wait_for("this run is only watched: C trains a copy");
     }
     let progress = json!({"event": "progress", "seconds": 2.0, "updates": 7777, "env_steps": 9,
         "episodes": 0, "updates_per_second": 1.0, "left": 4000.0, "losses": {}});
@@ -213,7 +213,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for(" seed 5");
     std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
     session.wait_for(" seed 0");
-    session.press_for("s", "train a copy, saved as");
+    session.press_for("C", "train a copy, saved as");
     session.press_for("\u{15}own.safetensors\r", "saved saves/own.safetensors at update 20");
     session.press("q");
     assert_eq!(session.end(), 0);
@@ -221,7 +221,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     // A job of an experiment that goes on.
     std::fs::create_dir(path("jobs")).unwrap();
     std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
-    for (held, state) in [(true, "\"running\""), (false, "\"saved\"")] {
+    for (held, state) in [(true, "\"training\""), (false, "\"ended\"")] {
         if held {
             std::fs::write(path("jobs/job.lock"), "").unwrap();
         } else {

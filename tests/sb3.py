@@ -129,7 +129,7 @@ def train_ours(program, side, steps, seed, each):
         lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     records = [json.loads(line) for line in lines]
     last = [record for record in records if record["event"] == "evaluation"][-1]
-    return last["greedy"]["success"]
+    return last["alone"]["success"]
 
 
 def main():

@@ -105,7 +105,7 @@ fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
         assert!(
             evaluations
                 .iter()
-                .all(|e| e["coverage"].is_number() && e["planned"]["success"].is_number())
+                .all(|e| e["explored"].is_number() && e["planned"]["success"].is_number())
         );
         assert!(result["settings"].as_array().unwrap().contains(&"hidden=16".into()), "{result}");
     }

@@ -115,12 +115,17 @@ class MLflow:
 SERVICES = {"wandb": WandB, "trackio": Trackio, "tensorboard": TensorBoard, "mlflow": MLflow}
 
 
+# What records were called before.
+NOW = {"greedy": "alone", "distance_error": "error", "coverage": "explored"}
+
+
 def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Yields what a record contains, by names such as `planned/success`."""
+    """Yields what a record contains, by names such as `planned/success`, old ones by those of today."""
     parts = enumerate(value, 1) if isinstance(value, list) else None
     parts = value.items() if isinstance(value, dict) else parts
     if parts is not None:
         for key, part in parts:
+            key = NOW.get(key, key)
             yield from flat(part, f"{name}/{key}" if name else str(key))
     elif value is not None:
         yield name, value

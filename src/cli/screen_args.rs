@@ -123,7 +123,7 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its
 signal.";
 
 #[derive(Debug, Args)]
-#[command(after_help = COMPARE_EXAMPLES, allow_negative_numbers = true, arg_required_else_help = true)]
+#[command(after_help = COMPARE_EXAMPLES, allow_negative_numbers = true)]
 pub struct CompareArgs {
     #[command(flatten)]
     pub options: ComparisonOptions,

@@ -124,7 +124,7 @@ impl TrainArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Gymnasium environments")]
 pub struct GymArgs {
-    /// Python interpreter of gym:ID [default: that of the active virtual environment, else python3]
+    /// Python interpreter of gym:ID [default: the checkpoint's, the virtual environment's, or python3]
     #[arg(long, value_name = "PATH")]
     pub python: Option<PathBuf>,
 

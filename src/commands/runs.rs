@@ -15,7 +15,7 @@ use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole}
 use crate::process::waiting::Waiting;
 use crate::setup::saves::{is_named_like_one, recovered};
 use crate::tui::{
-    self, ComparisonOptions, Contender, Opened, Opener, PreparedInterface, RunsScreen,
+    self, ComparisonOptions, Contender, NO_RUNS, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
 };
 use gdg::env::GymOptions;
@@ -48,8 +48,7 @@ pub fn run(args: &RunsArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return on_screen(&args.open.screen, [""; 2], opener, list);
     }
     let runs = read(&folders);
-    let none = "no saved runs yet: train with --save FILE, or press s in the interface\n";
-    print(&if runs.is_empty() { none.to_owned() } else { table(runs) })
+    print(&if runs.is_empty() { format!("{NO_RUNS}\n") } else { table(runs) })
 }
 
 /// Reads the runs of folders; says on standard error what is left out.
@@ -122,9 +121,8 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     }
     let own = || (Some(given.to_owned()), given.to_owned());
     found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
+        let problem = if given.exists() { NO_RUNS } else { "does not exist" };
         let help = "a run is seen as its checkpoint has it: train with --save FILE";
-        let problem =
-            if given.exists() { "no run with a checkpoint yet" } else { "does not exist" };
         miette!(help = help, "{}: {problem}", given.display())
     })
 }

@@ -2,7 +2,6 @@
 
 mod lines;
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -32,17 +31,15 @@ Examples:
   gdg-tui plot saves/my --out fig.pdf        both methods, and fig.csv behind it
   gdg-tui plot saves/my --y error --x steps --out error.svg --out error.png
   gdg-tui plot saves/my --by map --width page    a chart per method
-  gdg-tui plot saves/a.safetensors saves/b.safetensors    two saved runs
-  gdg-tui plot run1.jsonl run2.jsonl         records of gdg-tui --no-ui
+  gdg-tui plot saves/a.safetensors b.jsonl   saved runs, and records of --no-ui
 
 Every curve is the mean over the seeds, on a band from the lowest to the highest; standard \
-error says what to write into the caption. Seeds that were evaluated at different places are \
-interpolated.
+error says what to write into the caption.
 
 Exit status: 0 success; 2 bad usage or input.";
 
 #[derive(Clone, Debug, Default, clap::Args)]
-#[command(after_help = EXAMPLES, arg_required_else_help = true)]
+#[command(after_help = EXAMPLES)]
 pub struct PlotOptions {
     /// Folders of gdg-tui suite or reproduce or of checkpoints, checkpoints, and records of
     /// gdg-tui --no-ui
@@ -167,12 +164,17 @@ impl Drawable for XAxis {
 }
 
 impl Measure {
+    /// Returns the number of its colour where curves have several meanings; of success, if that is planned.
+    pub fn colour(self, planned: bool) -> usize {
+        if planned { self as usize } else { (self as usize).max(Self::Alone as usize) }
+    }
+
     pub fn of(self, evaluation: &Evaluation) -> Option<f64> {
         let value = match self {
             Self::Success => evaluation.success_rate(),
-            Self::Alone => evaluation.greedy.success,
-            Self::Error => evaluation.distance_error.map(|error| error.mape),
-            Self::Explored => evaluation.coverage,
+            Self::Alone => evaluation.alone.success,
+            Self::Error => evaluation.error.map(|error| error.mape),
+            Self::Explored => evaluation.explored,
         };
         value.filter(|value| value.is_finite())
     }
@@ -199,13 +201,14 @@ pub struct DrawnPlot {
 pub fn draw(runs: &[SavedRun], options: &PlotOptions) -> Result<DrawnPlot, Report> {
     let grouping = Grouping::new(runs, &options.by);
     let mut notes = Vec::new();
-    let lines = lines::lines(runs, &grouping, options, &mut notes)?;
+    let (lines, label) = lines::lines(runs, &grouping, options, &mut notes)?;
     let ends = lines.iter().flat_map(|line| line.seeds.values()).filter_map(|points| points.last());
     let x = [0.0, ends.map(|point| point.0).fold(0.0, f64::max)];
-    let (charts, axes) = (lines::charts(&lines, options, x), [options.x.name(), options.y.name()]);
-    let table = table(&lines, axes, x)?;
+    let mut charts = lines::charts(&lines, options, x);
+    charts.iter_mut().for_each(|chart| chart.labels[1].clone_from(&label));
+    let table = table(&lines, [options.x.name(), options.y.name()], x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
-    let title = format!("{} over {}", options.y.label(), options.x.label());
+    let title = format!("{label} over {}", options.x.label());
     let (title, charts, width) = (&*title, &*charts, options.width);
     let page = ChartPage { title, has_heading: false, charts, width, columns };
     let seeds = || lines.iter().map(|line| line.seeds.len());
@@ -216,21 +219,8 @@ pub fn draw(runs: &[SavedRun], options: &PlotOptions) -> Result<DrawnPlot, Repor
             format!("mean of {seeds} seeds, with a band from the lowest to the highest")
         }
     };
-    let caption = format!("{title}: {band}{}", of_plans(runs, options.y));
+    let caption = format!("{title}: {band}");
     Ok(DrawnPlot { sheet: page.draw(), table, caption, notes })
-}
-
-/// Returns what a caption must say of success: which methods have plans.
-fn of_plans(runs: &[SavedRun], y: Measure) -> String {
-    let has_plans =
-        |run: &SavedRun| run.evaluations.iter().any(|at| at.evaluation.planned.is_some());
-    let of = |(kind, plans)| {
-        let runs = runs.iter().filter(|run| y == Measure::Success && has_plans(run) == plans);
-        let methods: BTreeSet<&str> = runs.map(|run| &*run.method).collect();
-        let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
-        (!methods.is_empty()).then(|| format!("; {kind}: {methods}"))
-    };
-    [("planned", true), ("alone", false)].into_iter().filter_map(of).collect()
 }
 
 /// Reads runs, draws them and writes the files; returns a line for each.

@@ -41,13 +41,13 @@ const COUNT: fn(f64) -> String = |value| grouped(value.round() as u64);
 const COLUMNS: [ReportColumn; 10] = [
     column("planned", RATE, true, |r| r.last()?.planned.as_ref()?.success),
     column("SPL", RATE, false, |r| r.last()?.planned.as_ref()?.spl),
-    column("alone", RATE, true, |r| r.last()?.greedy.success),
+    column("alone", RATE, true, |r| r.last()?.alone.success),
     column("straight", RATE, false, |r| r.last()?.straight.as_ref()?.success),
-    column("error of D", SHARE, true, |r| Some(r.last()?.distance_error?.mape)),
-    column("error near", SHARE, false, |r| Some(r.last()?.distance_error?.near_mape)),
-    column("error of graph", SHARE, false, |r| Some(r.last()?.distance_error?.graph?.mape)),
+    column("error of D", SHARE, true, |r| Some(r.last()?.error?.mape)),
+    column("error near", SHARE, false, |r| Some(r.last()?.error?.near_mape)),
+    column("error of graph", SHARE, false, |r| Some(r.last()?.error?.graph?.mape)),
     column("false edges", COUNT, false, |r| Some(r.last()?.bridges.as_ref()?.false_edges? as f64)),
-    column("explored", SHARE, true, |r| r.last()?.coverage),
+    column("explored", SHARE, true, |r| r.last()?.explored),
     column("updates/s", COUNT, true, |r| (r.seconds > 0.0).then(|| r.updates as f64 / r.seconds)),
 ];
 

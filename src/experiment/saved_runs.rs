@@ -106,11 +106,10 @@ pub enum RunKind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunState {
-    Done,
-    /// It was saved, and can go on.
-    Saved,
+    /// Nobody trains it any more, as far as is known: it can go on if it was saved.
+    Ended,
     Interrupted,
-    /// It goes on: its records grow.
+    /// It goes on: its records grow, or a program has its checkpoint open.
     Running,
     /// Its records have neither an end nor grown lately.
     CutOff,
@@ -119,10 +118,9 @@ pub enum RunState {
 impl RunState {
     pub fn name(self) -> &'static str {
         match self {
-            Self::Done => "done",
-            Self::Saved => "saved",
+            Self::Ended => "ended",
             Self::Interrupted => "stopped",
-            Self::Running => "running",
+            Self::Running => "training",
             Self::CutOff => "cut off",
         }
     }
@@ -137,7 +135,7 @@ impl SavedRun {
         Self {
             source,
             kind: RunKind::Result,
-            end: Some(RunState::Done),
+            end: Some(RunState::Ended),
             fingerprint: result.fingerprint,
             map: id.unwrap_or(&result.world).to_owned(),
             method: result.method.name(),
@@ -173,8 +171,9 @@ impl SavedRun {
         let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
         let pause = Duration::try_from_secs_f64(seconds).unwrap_or_default();
         let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
+        let is_open = || self.others.iter().chain([&self.source]).any(|file| is_in_use(file));
         match self.end {
-            Some(_) if is_job && is_held() => RunState::Running,
+            Some(_) if is_job && is_held() || is_open() => RunState::Running,
             Some(end) => end,
             None if self.method.is_empty() && !is_within(BEGINS) => RunState::CutOff,
             None if is_within(QUIET.max(pause)) || is_in_use(&self.source) => RunState::Running,
@@ -215,7 +214,7 @@ impl SavedRun {
     /// these differ; of the last, jobs may have more.
     fn eval_tasks(&self) -> Option<String> {
         let all = self.evaluations.iter().map(|EvaluationAt { evaluation, .. }| {
-            Some((evaluation.greedy.tasks_per_distance()?, evaluation.scenario.as_deref()))
+            Some((evaluation.alone.tasks_per_distance()?, evaluation.scenario.as_deref()))
         });
         let all: Option<Vec<_>> = all.collect();
         let mut all = self.eval_tasks.map(|own| vec![(own, None)]).or(all)?;
@@ -227,6 +226,10 @@ impl SavedRun {
         };
         let all = all.iter().map(text).collect::<Vec<_>>().join(",");
         (!all.is_empty()).then_some(all)
+    }
+
+    pub fn plans(&self) -> bool {
+        self.evaluations.iter().any(|at| at.evaluation.planned.is_some())
     }
 
     fn of_last<T>(&self, value: impl Fn(&Evaluation) -> Option<T>) -> Option<T> {
@@ -256,9 +259,9 @@ impl SavedRun {
             "updates": self.updates,
             "evaluated_at": self.evaluations.last().map(|at| at.updates),
             "success": self.of_last(Evaluation::success_rate),
-            "greedy": self.of_last(|last| last.greedy.success),
-            "distance_error": self.of_last(|last| Some(last.distance_error?.mape)),
-            "coverage": self.of_last(|last| last.coverage),
+            "alone": self.of_last(|last| last.alone.success),
+            "error": self.of_last(|last| Some(last.error?.mape)),
+            "explored": self.of_last(|last| last.explored),
             "written": written,
             "checkpoint": checkpoint.map(Path::to_string_lossy),
         })
@@ -284,7 +287,7 @@ pub const COLUMNS: [RunColumn; 9] = [
     number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
     number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
     number("planned", |run| rate(planned(run)), planned),
-    number("alone", |run| rate(greedy(run)), greedy),
+    number("alone", |run| rate(alone(run)), alone),
     text("state", |run| run.state().name().to_owned()),
     number(
         "written",
@@ -313,8 +316,8 @@ fn planned(run: &SavedRun) -> Option<f64> {
     run.of_last(|last| last.planned.as_ref()?.success)
 }
 
-fn greedy(run: &SavedRun) -> Option<f64> {
-    run.of_last(|last| last.greedy.success)
+fn alone(run: &SavedRun) -> Option<f64> {
+    run.of_last(|last| last.alone.success)
 }
 
 pub fn name(file: &Path) -> String {
@@ -478,7 +481,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: RunKind::Checkpoint,
-        end: Some(RunState::Saved),
+        end: Some(RunState::Ended),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
         edits,

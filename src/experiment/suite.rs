@@ -37,14 +37,12 @@ Examples:
   gdg-tui suite maps/ --list                 one line per job
   gdg-tui suite maps/ --job 3 --out /shared/suite    the third, on a cluster
 
-gdg-tui plot draws the curves of the methods and variants.
-
 Exit status: 0 success; 1 a job failed (the others run), or --collect found jobs missing; 2 bad \
 usage or input; 128 + its number after a signal, as 130 after \
 Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 #[derive(Clone, Debug, Args)]
-#[command(after_help = EXAMPLES, allow_negative_numbers = true, arg_required_else_help = true)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct SuiteOptions {
     /// Built-in maps, map files, folders, of which the .map files that are not hidden are used, or
     /// the .txt files if there are none, and other worlds, like fetch-reach

@@ -43,7 +43,7 @@ const BAND: f32 = 0.18;
 
 /// Colours that colour-blind people can tell apart (Okabe and Ito 2008), without yellow, which is
 /// too light for lines on white.
-const COLOURS: [Rgb; 7] = [
+pub const COLOURS: [Rgb; 7] = [
     (0, 114, 178),
     (213, 94, 0),
     (0, 158, 115),

@@ -1,4 +1,4 @@
-//! The metrics of a run as CSV: a line per evaluation, and per point of the curves of losses and coverage.
+//! The metrics of a run as CSV: a line per evaluation, and per point of the curves of losses and the share explored.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -12,25 +12,25 @@ use gdg::printing::eprint_line;
 use gdg::train::{CurvePoint, Evaluation, Methods, Moment, Run, Trainer};
 
 /// Columns of every line.
-const CURVES: &str = "event,seconds,updates,env_steps,critic_loss,model_loss,actor_loss,coverage";
+const CURVES: &str = "event,seconds,updates,env_steps,critic_loss,model_loss,actor_loss,explored";
 
 type Metric = fn(&Evaluation) -> Option<f64>;
 
 /// Columns of evaluations, besides success at each distance.
 const EVALUATION: [(&str, Metric); 11] = [
-    ("greedy_success", |found| found.greedy.success),
-    ("greedy_spl", |found| found.greedy.spl),
+    ("alone_success", |found| found.alone.success),
+    ("alone_spl", |found| found.alone.spl),
     ("planned_success", |found| found.planned.as_ref()?.success),
     ("planned_spl", |found| found.planned.as_ref()?.spl),
-    ("error", |found| Some(found.distance_error?.mape)),
-    ("near_error", |found| Some(found.distance_error?.near_mape)),
-    ("graph_error", |found| Some(found.distance_error?.graph?.mape)),
+    ("error", |found| Some(found.error?.mape)),
+    ("near_error", |found| Some(found.error?.near_mape)),
+    ("graph_error", |found| Some(found.error?.graph?.mape)),
     ("candidates", |found| Some(found.bridges.as_ref()?.candidates as f64)),
     ("edges", |found| Some(found.bridges.as_ref()?.edges as f64)),
     ("false_edges", |found| Some(found.bridges.as_ref()?.false_edges? as f64)),
     ("goal_distance_left", |found| {
         let marked = found.marked?;
-        Some(f64::from(marked.planned.unwrap_or(marked.greedy).left_straight?))
+        Some(f64::from(marked.planned.unwrap_or(marked.alone).left_straight?))
     }),
 ];
 
@@ -70,11 +70,11 @@ impl Curves<'_> {
         let evaluations = self.evaluations.iter().enumerate().map(|(i, (updates, found))| {
             let made = (self.moment)(i);
             let seconds = made.map_or(String::new(), |made| format!("{:.3}", made.seconds));
-            let scores = [Some(&found.greedy), found.planned.as_ref()];
+            let scores = [Some(&found.alone), found.planned.as_ref()];
             let by_distance = scores
                 .into_iter()
                 .flat_map(|score| (0..DISTANCES).map(move |i| score?.by_distance.get(i)?.success));
-            let cells = [None, None, None, found.coverage].into_iter();
+            let cells = [None, None, None, found.explored].into_iter();
             let cells = cells.chain(EVALUATION.map(|(_, metric)| metric(found))).chain(by_distance);
             let steps = number(made.map(|made| made.env_steps));
             line(*updates, ["evaluation".into(), seconds, steps], cells.map(number).collect())
@@ -88,7 +88,7 @@ impl Curves<'_> {
 fn head() -> String {
     let names = CURVES.split(',').chain(EVALUATION.map(|(name, _)| name)).map(str::to_owned);
     let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
-    let names = names.chain(at("greedy")).chain(at("planned")).chain(["method".to_owned()]);
+    let names = names.chain(at("alone")).chain(at("planned")).chain(["method".to_owned()]);
     names.collect::<Vec<_>>().join(",") + "\n"
 }
 

@@ -118,11 +118,11 @@ pub struct EvaluationAt {
 impl EvaluationAt {
     /// Whether its numbers can be: somebody may have edited the file.
     pub fn is_possible(&self) -> bool {
-        let Evaluation { greedy, planned, coverage, distance_error, .. } = &self.evaluation;
-        let mut rates = [greedy].into_iter().chain(planned).filter_map(|score| score.success);
+        let Evaluation { alone, planned, explored, error, .. } = &self.evaluation;
+        let mut rates = [alone].into_iter().chain(planned).filter_map(|score| score.success);
         rates.all(|rate| (0.0..=1.0).contains(&rate))
-            && coverage.is_none_or(|share| (0.0..=1.0).contains(&share))
-            && distance_error.as_ref().is_none_or(|error| error.mape >= 0.0)
+            && explored.is_none_or(|share| (0.0..=1.0).contains(&share))
+            && error.as_ref().is_none_or(|error| error.mape >= 0.0)
             && self.seconds >= 0.0
     }
 }

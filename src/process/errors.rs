@@ -12,7 +12,7 @@ use gdg::text::{Excerpt, sanitized, sanitized_lines, terminal_obeys_escapes, tru
 use gdg::train::{CheckpointError, ConfigError, TrainError};
 
 /// Maximum number of characters of a message and of each of its causes.
-const MAX_MESSAGE_CHARS: usize = 2000;
+const MAX_CHARS: usize = 2000;
 
 /// Sets how errors are printed: without colours where the terminal has none, and in lines that break
 /// only at blanks, so that names and paths can be copied.
@@ -39,8 +39,9 @@ pub fn print(text: &str) -> Result<(), Report> {
 
 pub fn print_error(error: &Report) {
     let text = format!("{:?}", Report::new(ExplainedError::sanitized(error)));
-    // As those of clap begin, about the command line.
-    eprint_raw(&text.trim().replacen(['\u{d7}', 'x'], "error:", 1));
+    // In the words of clap, for errors in the command line.
+    let text = text.trim().replacen(['\u{d7}', 'x'], "error:", 1);
+    eprint_raw(&text.replacen("  help: ", "   tip: ", 1));
 }
 
 /// An error with a hint and, for a file, an excerpt of the offending part.
@@ -125,11 +126,7 @@ impl SourceCode for QuotedExcerpt {
 }
 
 fn sanitized_message(text: &str) -> String {
-    if text.chars().count() > MAX_MESSAGE_CHARS {
-        truncated(text, MAX_MESSAGE_CHARS)
-    } else {
-        sanitized_lines(text)
-    }
+    if text.len() > MAX_CHARS { truncated(text, MAX_CHARS) } else { sanitized_lines(text) }
 }
 
 #[cfg(test)]
@@ -147,7 +144,7 @@ mod tests {
         let help = ExplainedError::sanitized(&miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
         let long = ExplainedError::sanitized(&Report::msg("x".repeat(50_000_000)));
-        assert!(long.message.len() <= MAX_MESSAGE_CHARS);
+        assert!(long.message.len() <= MAX_CHARS);
     }
 
     #[test]

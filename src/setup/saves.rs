@@ -76,13 +76,12 @@ pub fn resume_command(file: &Path, options: &GymOptions) -> String {
         let text = if text.starts_with('-') { format!("./{text}").into() } else { text };
         shlex::try_quote(&text).unwrap_or_else(|_| text.clone()).into_owned()
     };
-    let (GymOptions { python, workers, timeout, .. }, default) = (options, GymOptions::default());
-    let python = python.iter().map(|python| format!(" --python {}", quoted(python)));
+    let (GymOptions { workers, timeout, .. }, default) = (options, GymOptions::default());
     let workers = (*workers != default.workers).then(|| format!(" --workers {workers}"));
     let seconds = (*timeout != default.timeout).then_some(timeout.as_secs_f64());
     let timeout = seconds.map(|seconds| format!(" --env-timeout {seconds}"));
     let is_python = describe(file).is_ok_and(|found| found.world == gym::KIND.name);
-    let more = python.chain(workers).chain(timeout).filter(|_| is_python);
+    let more = workers.into_iter().chain(timeout).filter(|_| is_python);
     format!("gdg-tui --resume {}{}", quoted(file), more.collect::<String>())
 }
 

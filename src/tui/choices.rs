@@ -70,7 +70,7 @@ impl Overlay {
     pub fn name(self) -> &'static str {
         match self {
             Self::Contours => "contours",
-            Self::Unexplored => "unvisited cells",
+            Self::Unexplored => "unvisited places",
             Self::Agents => "exploring agents",
             Self::Candidates => "bridge candidates",
             Self::Edges => "bridge edges",

@@ -1,5 +1,6 @@
 //! Dialogs on top of the screen: a list to pick from, such as the help, and a question to answer.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -238,7 +239,7 @@ pub struct Item {
     pub label: String,
     pub detail: String,
     /// The title above the first item of a group; empty for none.
-    pub group: &'static str,
+    pub group: Cow<'static, str>,
     /// Further lines below the list while the item is selected.
     pub below: Vec<String>,
     pub words: String,
@@ -254,7 +255,7 @@ impl Item {
         Self {
             label: label.into(),
             detail: detail.into(),
-            group: "",
+            group: Cow::default(),
             below: Vec::new(),
             words: String::new(),
             marked: false,
@@ -269,14 +270,14 @@ impl Item {
     }
 
     #[must_use]
-    pub fn within(self, group: &'static str) -> Self {
-        Self { group, ..self }
+    pub fn within(self, group: impl Into<Cow<'static, str>>) -> Self {
+        Self { group: group.into(), ..self }
     }
 }
 
 #[derive(Clone, Copy, Debug)]
 pub enum PickerRow<'a> {
-    Title(&'static str),
+    Title(&'a str),
     Item(&'a Item, bool),
 }
 
@@ -286,8 +287,6 @@ pub struct Picker {
     pub title: String,
     /// What is shown above the items; empty for nothing.
     pub text: String,
-    /// Whether it lists the settings, which it keeps up to date.
-    pub are_settings: bool,
     items: Vec<Item>,
     typed: Input,
     /// Indices of the items that match the search text, best first.
@@ -302,7 +301,7 @@ impl Picker {
         let shown = (0..items.len()).collect();
         let (title, typed) = (title.into(), Input::default());
         let text = String::new();
-        Self { title, text, are_settings: false, items, typed, shown, selected: 0 }
+        Self { title, text, items, typed, shown, selected: 0 }
     }
 
     #[must_use]
@@ -340,12 +339,12 @@ impl Picker {
     /// Returns the rows shown: the best matches first, or all items by group.
     pub fn rows(&self) -> Vec<PickerRow<'_>> {
         let mut rows = Vec::new();
-        let mut group = "";
+        let mut group: &str = "";
         for (n, i) in self.shown.iter().enumerate() {
             let item = &self.items[*i];
             if self.typed.value().is_empty() && item.group != group {
-                rows.push(PickerRow::Title(item.group));
-                group = item.group;
+                group = &item.group;
+                rows.push(PickerRow::Title(group));
             }
             rows.push(PickerRow::Item(item, n == self.selected));
         }
@@ -411,14 +410,6 @@ impl Picker {
             insert_first_line(&mut self.typed, text);
             self.filter();
         }
-    }
-
-    /// Forgets what was searched for; what is selected stays so.
-    pub fn show_all(&mut self) {
-        let selected = self.shown.get(self.selected).copied();
-        self.typed.reset();
-        self.filter();
-        self.selected = selected.unwrap_or(0);
     }
 
     fn filter(&mut self) {

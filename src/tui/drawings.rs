@@ -13,11 +13,10 @@ use super::render;
 use super::render::curves::{PaneCurve, Plot, along, axis, plots};
 use super::scene::{Cache, Scene};
 use super::screen::Screen;
-use super::theme::{Rgb, Theme, blend, rgb_of};
+use super::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, rgb_of};
 use crate::experiment::plot::Drawable;
 use crate::figure::{
-    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Mark, PIXEL, Point, Sheet, colour,
-    round_top,
+    Anchor, Chart, ChartPage, Curve, FigureFormat, MILLIMETRE, Mark, PIXEL, Point, Sheet, round_top,
 };
 use crate::headless::metrics::Curves;
 use crate::setup::saves::EXPORTS;
@@ -113,7 +112,9 @@ fn on_paper(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
     let mut terminal = Terminal::new(backend).map_err(std::io::Error::other)?;
     let mut area = Rect::default();
     let drawn = terminal.draw(|frame| {
-        area = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
+        let pane = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
+        // With the moment of the past above it.
+        area = Rect { y: pane.y.saturating_sub(1), height: pane.height + 1, ..pane };
     });
     let mut drawn = drawn.map_err(std::io::Error::other)?.buffer.clone();
     let area = without_margins(&mut drawn, area);
@@ -214,7 +215,7 @@ fn curves_figure(screen: &Screen, scene: &Scene, title: &str) -> Sheet {
         let values = plot.curves.iter().flat_map(|curve| &curve.points).map(|(_, value)| *value);
         let top = plot.max.unwrap_or_else(|| round_top(values));
         let mut curves: Vec<Curve> = Vec::new();
-        for PaneCurve { name, points, .. } in plot.curves {
+        for PaneCurve { name, style, points, .. } in plot.curves {
             let before = curves.last().map(|curve| (curve.name.clone(), curve.marker));
             let (name, marker) = match before {
                 Some(continued) if name.is_empty() => continued,
@@ -223,14 +224,16 @@ fn curves_figure(screen: &Screen, scene: &Scene, title: &str) -> Sheet {
                 None => (name, 0),
             };
             let points = points.into_iter().map(|(x, value)| Point::single(x, value)).collect();
-            curves.push(Curve { name, colour: colour(marker), marker, points });
+            let colour = style.fg.and_then(rgb_of).unwrap_or_default();
+            curves.push(Curve { name, colour, marker, points });
         }
         curves.retain(|curve| !curve.points.is_empty());
         let labels = [axis(screen).label(), plot.title].map(str::to_owned);
         Chart { title: String::new(), labels, x, top, curves }
     };
-    let charts = plots(screen, scene.has_true_distances()).into_iter().take(CHARTS).map(chart);
-    let charts: Vec<Chart> = charts.collect();
+    let paper = Theme::new(ThemeName::Light, ColourDepth::True);
+    let plots = plots(screen, &paper, scene.has_true_distances());
+    let charts: Vec<Chart> = plots.into_iter().take(CHARTS).map(chart).collect();
     ChartPage { title, has_heading: true, charts: &charts, width: FIGURE_WIDTH, columns: 1 }.draw()
 }
 

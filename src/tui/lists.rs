@@ -168,9 +168,7 @@ pub fn presets(now: Preset) -> Picker {
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
     let title = "change a setting (* differs from its preset)";
-    let mut picker = Picker::new(title, setting_items(screen));
-    picker.are_settings = true;
-    picker
+    Picker::new(title, setting_items(screen))
 }
 
 pub fn setting_items(screen: &Screen) -> Vec<Item> {
@@ -344,20 +342,22 @@ pub fn messages(log: &[LogEntry]) -> Option<Picker> {
     (!items.is_empty()).then(|| Picker::new("messages", items))
 }
 
-/// Lists checkpoints, the latest first, with the columns of lists of runs; those that cannot be loaded
-/// come last, with the reason.
+/// Lists checkpoints, the latest first, as lists of runs do; those that cannot be loaded come last, with
+/// the reason.
 pub fn checkpoints(mut found: Vec<Arc<SavedRun>>) -> Picker {
     found.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
-    let columns = || COLUMNS.iter().filter(|column| column.name != "state");
-    let cells = |run: &Arc<SavedRun>| columns().map(|column| (column.cell)(run)).collect();
-    let rows = aligned(&found.iter().map(cells).collect::<Vec<Vec<String>>>());
-    let item = |(run, row): (&Arc<SavedRun>, &str)| match &run.problem {
-        Some(problem) => {
-            Item::new(name(&run.source), format!("not loaded{problem}"), Choice::Nothing)
-        }
-        None => Item::new(row, "", Choice::Load(run.source.clone())),
+    let names = COLUMNS.iter().map(|column| column.name.to_owned()).collect();
+    let cells = |run| COLUMNS.iter().map(|column| (column.cell)(run)).collect();
+    let rows = [vec![names], found.iter().map(|run| cells(run)).collect()].concat();
+    let rows: Vec<String> = aligned(&rows).lines().map(str::to_owned).collect();
+    let item = |(run, row): (&Arc<SavedRun>, &String)| {
+        let item = match &run.problem {
+            Some(problem) => {
+                Item::new(format!("{}{problem}", name(&run.source)), "", Choice::Nothing)
+            }
+            None => Item::new(row, "", Choice::Load(run.source.clone())),
+        };
+        item.within(format!(" {}", rows[0]))
     };
-    let names = columns().map(|column| column.name).collect::<Vec<_>>().join(", ");
-    let title = format!("load a checkpoint ({names})");
-    Picker::new(title, found.iter().zip(rows.lines()).map(item).collect())
+    Picker::new("load a checkpoint", found.iter().zip(&rows[1..]).map(item).collect())
 }

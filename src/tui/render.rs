@@ -4,7 +4,7 @@
 //! +----------------------------------------------------------+
 //! | map, method, preset, seed, phase, unsaved updates        |  header
 //! +---------------------------------------+------------------+
-//! |                                       | pane names       |
+//! | a hint, or how @ walks                | pane names       |
 //! | map or arm                            | pane             |
 //! |                                       | (more panes if   |
 //! | meaning of colours, or facts of a cell|  there is room)  |  info
@@ -90,7 +90,7 @@ pub fn draw_panes(
     if screen.maximised {
         side::draw(&mut page, body);
     } else {
-        let [map_pane, side] = match panel {
+        let [mut map_pane, mut side] = match panel {
             PanelPosition::Beside(columns) => {
                 Layout::horizontal([Constraint::Min(0), Constraint::Length(columns)]).areas(body)
             }
@@ -99,19 +99,17 @@ pub fn draw_panes(
             }
             PanelPosition::Nowhere => [body, Rect::default()],
         };
-        let [map_pane, side, caption] = if side.is_empty() {
-            let [map_pane, caption] = caption::split(map_pane, screen);
-            [map_pane, side, caption]
-        } else {
-            let [side, caption] = caption::split(side, screen);
-            [map_pane, side, caption]
-        };
+        let beside = if side.is_empty() { &mut map_pane } else { &mut side };
+        let [rest, caption] = caption::split(*beside, screen);
+        *beside = rest;
+        let [hint, map_pane] =
+            Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(map_pane);
         page.layout.map_pane = map_pane;
         let [map, info] =
             Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         let ScreenPainter { frame, layout, .. } = &mut page;
         scene.draw([map, info], Drawing { frame, screen, layout, cache });
-        bars::draw_hint(&mut page, map);
+        bars::draw_hint(&mut page, hint);
         caption::draw(&mut page, caption);
         if !side.is_empty() {
             side::draw(&mut page, side);

@@ -54,6 +54,9 @@ const SHOW_INTERVAL: Duration = Duration::from_millis(100);
 
 const WHEEL: isize = 3;
 
+/// What is said where there are none, in pipes, too.
+pub const NO_RUNS: &str = "no runs here yet: train with --save FILE, or press s in the interface";
+
 /// What the user wishes to see instead of the list: a run, resumed or watched, or two side by side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wish {

@@ -27,7 +27,6 @@ use super::dialog::Dialog;
 use super::interface::TerminalRequest;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
-use super::lists;
 use super::render;
 use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
@@ -179,10 +178,6 @@ impl Session {
         self.terminal_request = Some(request);
     }
 
-    pub fn save(&mut self) {
-        self.saver.save(&mut self.cx);
-    }
-
     pub fn quit(&mut self) {
         self.catch_up();
         self.saver.quit(&mut self.cx);
@@ -271,13 +266,6 @@ impl Session {
         }
         if self.screen.run() != &*before.run {
             self.screen.update_changed_settings();
-            let items = lists::setting_items(&self.screen);
-            for dialog in &mut self.screen.dialogs {
-                match dialog {
-                    Dialog::Pick(list) if list.are_settings => list.update(items.clone()),
-                    _ => {}
-                }
-            }
         }
         let then = self.saver.on_snapshot(&before, &mut self.cx);
         then.into_iter().for_each(|then| self.choose(then));
@@ -348,8 +336,7 @@ fn log_evaluation(screen: &mut Screen) {
     let snapshot = &screen.snapshot;
     let Some((updates, e)) = snapshot.evaluations.last() else { return };
     let updates = snapshot.learned(*updates);
-    let error =
-        e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
+    let error = e.error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
     // Training goes on while tasks are walked.
     let at = if updates == snapshot.updates() {
         String::new()

@@ -84,7 +84,6 @@ pub struct Theme {
     pub agent: Rgb,
     /// The edge of the known world, and goals there.
     pub frontier: Rgb,
-    pub candidate: Rgb,
     pub path: Rgb,
     pub goal: Rgb,
     pub walker: Rgb,
@@ -153,7 +152,6 @@ impl Theme {
             unknown: (24, 24, 28),
             agent: (255, 255, 255),
             frontier: (90, 220, 255),
-            candidate: (20, 20, 30),
             path: (255, 90, 60),
             goal: (214, 40, 57),
             walker: (255, 140, 30),

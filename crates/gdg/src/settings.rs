@@ -290,10 +290,9 @@ impl fmt::Display for Values {
                 write!(f, "{} or {last}", others.join(", "))?;
             }
             ValueKind::Count { from, to: u64::MAX } => write!(f, "an integer, {from} or more")?,
-            ValueKind::Count { from, to } if to == from + 1 => {
-                write!(f, "an integer, {from} or {to}")?;
-            }
+            ValueKind::Count { from, to } if to == from + 1 => write!(f, "{from} or {to}")?,
             ValueKind::Count { from, to } => write!(f, "an integer from {from} to {to}")?,
+            kind if kind == Self::POSITIVE.kind => f.write_str("a number above 0")?,
             ValueKind::Number { noun, from, to, excluded } => {
                 let (from, to) = (Short(from), Short(to));
                 match excluded {

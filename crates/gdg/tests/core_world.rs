@@ -117,8 +117,8 @@ fn it_is_trained_and_after_a_resume_its_agents_begin_new_episodes() {
     let mut run = trainer();
     train_to(&mut run, 150);
     let found = evaluated(&run, 5);
-    assert!(found.greedy.success.is_some() && found.planned.is_some());
-    assert!(found.coverage.is_none() && found.distance_error.is_none() && found.marked.is_none());
+    assert!(found.alone.success.is_some() && found.planned.is_some());
+    assert!(found.explored.is_none() && found.error.is_none() && found.marked.is_none());
     assert!(run.world().states().iter().any(|at| *at != START));
     let mut resumed =
         Trainer::load(run.save().unwrap(), run.registry(), 1, &Job::default()).unwrap();

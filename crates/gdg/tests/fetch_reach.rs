@@ -144,7 +144,7 @@ fn episodes_take_50_steps_unless_the_settings_say_otherwise() {
 fn evaluation_groups_tasks_by_centimetres_and_gives_each_50_steps() {
     let mut run = trainer("gdg", small());
     train_to(&mut run, 5);
-    let score = evaluated(&run, 8).greedy;
+    let score = evaluated(&run, 8).alone;
     let groups = &score.by_distance;
     let distances: Vec<f64> = groups.iter().map(|group| group.distance_cm.unwrap()).collect();
     assert!(distances.len() == 5 && distances.is_sorted(), "{distances:?} cm");

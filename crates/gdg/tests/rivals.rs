@@ -38,11 +38,11 @@ fn every_rival_learns_a_small_empty_map() {
         let mut run = trainer(rival, &"........\n".repeat(8), 1, 2);
         train_to(&mut run, 2_500);
         let found = evaluated(&run, 20);
-        let success = found.greedy.success.unwrap();
+        let success = found.alone.success.unwrap();
         assert_eq!(found.straight.unwrap().success, Some(1.0), "nothing is in the way");
         assert!(success >= 0.85, "{rival}: {success}");
         // D is in steps, also where the reward is a distance.
-        let error = found.distance_error.unwrap();
+        let error = found.error.unwrap();
         assert!(error.mape < 1.0 && error.spearman > 0.7, "{rival}: {error:?}");
     }
 }

@@ -82,5 +82,5 @@ pub fn evaluated(run: &Trainer, tasks: usize) -> Evaluation {
 /// Returns the success on plans and without them, on `tasks` of each distance.
 pub fn success(run: &Trainer, tasks: usize) -> [f64; 2] {
     let found = evaluated(run, tasks);
-    [found.planned.unwrap_or_default(), found.greedy].map(|score| score.success.unwrap_or_default())
+    [found.planned.unwrap_or_default(), found.alone].map(|score| score.success.unwrap_or_default())
 }

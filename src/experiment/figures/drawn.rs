@@ -102,7 +102,7 @@ fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<FigurePanel> {
             training("planned", "success rate, planned", Some(1.0), |e| {
                 e.planned.as_ref()?.success
             }),
-            training("alone", "success rate, alone", Some(1.0), |e| e.greedy.success),
+            training("alone", "success rate, alone", Some(1.0), |e| e.alone.success),
         ],
         Shows::Bridge | Shows::Paths => Vec::new(),
     }
@@ -110,12 +110,12 @@ fn panels(figure: &Figure, methods: &[MethodRuns]) -> Vec<FigurePanel> {
 
 fn marked(evaluation: &Evaluation) -> Option<TaskOutcome> {
     let marked = evaluation.marked?;
-    Some(marked.planned.unwrap_or(marked.greedy))
+    Some(marked.planned.unwrap_or(marked.alone))
 }
 
 fn by_distance(result: &JobResult) -> Points {
     let Some(last) = result.last() else { return Vec::new() };
-    let score = last.planned.as_ref().unwrap_or(&last.greedy);
+    let score = last.planned.as_ref().unwrap_or(&last.alone);
     let of = |d: &DistanceScore| Some((d.distance()?.0.round(), d.success?));
     score.by_distance.iter().filter_map(of).collect()
 }

@@ -161,16 +161,21 @@ pub fn charts(lines: &[SeedCurves], options: &PlotOptions, x: [f64; 2]) -> Vec<C
     charts
 }
 
-/// Returns the lines of runs, in the order in which they first appear.
+/// Returns the lines of runs, in the order in which they first appear, and the label of what they show. The
+/// label says whether success is planned, or if runs differ in that, their names.
 pub fn lines(
     runs: &[SavedRun],
     grouping: &Grouping,
     options: &PlotOptions,
     notes: &mut Vec<String>,
-) -> Result<Vec<SeedCurves>, Report> {
+) -> Result<(Vec<SeedCurves>, String), Report> {
     let (mut lines, mut names) = (Vec::<SeedCurves>::new(), Vec::<String>::new());
+    let kind_of = |run: &SavedRun| if run.plans() { ", planned" } else { ", alone" };
+    let of_success = runs.iter().filter(|_| options.y == Measure::Success);
+    let kinds: BTreeSet<&str> = of_success.map(kind_of).collect();
     for (i, run) in of_seeds(runs, grouping, notes) {
         let (chart, name) = grouping.names(i);
+        let name = if kinds.len() > 1 { name + kind_of(run) } else { name };
         let points = run.evaluations.iter();
         let points: Points = points
             .filter_map(|at| Some((options.x.of(at), options.y.of(&at.evaluation)?)))
@@ -199,6 +204,9 @@ pub fn lines(
         let methods = methods.into_iter().collect::<Vec<_>>().join(", ");
         return Err(miette!(help = help, "not known of these runs ({methods}): {y}"));
     }
+    if let [only] = &mut lines[..] {
+        only.colour = colour(options.y.colour(runs[0].plans()));
+    }
     for line in &lines {
         let ends = line.seeds.iter().filter_map(|(seed, points)| Some((points.last()?.0, seed)));
         let longest = ends.clone().map(|(end, _)| end).fold(0.0, f64::max);
@@ -211,7 +219,8 @@ pub fn lines(
             ));
         }
     }
-    Ok(lines)
+    let kind = kinds.first().filter(|_| kinds.len() == 1).unwrap_or(&"");
+    Ok((lines, options.y.label().to_owned() + kind))
 }
 
 /// Returns a run for each seed of each curve, with its index: of several, the longest counts.

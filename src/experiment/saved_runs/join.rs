@@ -177,7 +177,7 @@ impl SavedRun {
         self.evaluations.extend(of_part.cloned());
         self.evaluations.sort_by_key(|at| at.updates);
         if part.updates > self.updates && self.end.is_some() {
-            self.end = Some(RunState::Saved);
+            self.end = Some(RunState::Ended);
         }
         self.updates = self.updates.max(part.updates);
         // Its records may be of its last part alone, or end before the last edit.
@@ -206,12 +206,12 @@ mod tests {
             env_steps: 0,
             // Each part has its own.
             seconds: begun as f64,
-            evaluation: Evaluation { greedy: score.clone(), ..Evaluation::default() },
+            evaluation: Evaluation { alone: score.clone(), ..Evaluation::default() },
         };
         SavedRun {
             source: source.into(),
             kind,
-            end: Some(RunState::Done),
+            end: Some(RunState::Ended),
             map: "room".to_owned(),
             begun: 1_000 * begun,
             updates: 1_000 * evaluated.last().copied().unwrap_or(begun),
@@ -321,7 +321,7 @@ mod tests {
             let runs = vec![Arc::new(SavedRun { end, ..first.clone() }), Arc::new(checkpoint(at))];
             join(runs).remove(0).end
         };
-        assert_eq!(end(Some(RunState::Done), &[1, 3]), Some(RunState::Saved), "it was resumed");
+        assert_eq!(end(Some(RunState::Ended), &[1, 3]), Some(RunState::Ended), "it was resumed");
         assert_eq!(end(None, &[1, 3]), None, "a checkpoint is written between two records");
     }
 }

@@ -87,7 +87,7 @@ impl SavedRun {
             }
             Record::End { reason, .. } => {
                 let interrupted = reason == EndReason::Interrupted;
-                self.end = Some(if interrupted { RunState::Interrupted } else { RunState::Done });
+                self.end = Some(if interrupted { RunState::Interrupted } else { RunState::Ended });
             }
             Record::Start(_) | Record::Recovery(_) | Record::Warning(_) | Record::Other => {}
         }

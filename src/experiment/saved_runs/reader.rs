@@ -247,12 +247,12 @@ mod tests {
         let (now, source) = (SystemTime::now(), folder.path().join("job.safetensors"));
         let state = |minutes: u64| {
             let written = Some(now - std::time::Duration::from_mins(minutes));
-            let (kind, end) = (RunKind::Checkpoint, Some(RunState::Saved));
+            let (kind, end) = (RunKind::Checkpoint, Some(RunState::Ended));
             SavedRun { source: source.clone(), kind, end, written, ..SavedRun::default() }.state()
         };
-        assert_eq!([1, 20].map(state), [RunState::Running, RunState::Saved]);
+        assert_eq!([1, 20].map(state), [RunState::Running, RunState::Ended]);
         remove_file(folder.path().join("job.lock")).expect("a file");
-        assert_eq!(state(1), RunState::Saved);
+        assert_eq!(state(1), RunState::Ended);
     }
 
     #[test]
@@ -276,7 +276,7 @@ mod tests {
         let folder = folder_of(&[("1.jsonl", &(START.to_owned() + &first + &resumed + &again))]);
         let curve = read_all(folder.path()).remove(0);
         let curve = curve.evaluations.iter();
-        let curve: Vec<_> = curve.map(|at| (at.updates, at.evaluation.greedy.success)).collect();
+        let curve: Vec<_> = curve.map(|at| (at.updates, at.evaluation.alone.success)).collect();
         assert_eq!(curve, [(3_000, Some(0.1)), (6_000, Some(0.4)), (7_000, Some(0.5))]);
     }
 

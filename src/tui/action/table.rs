@@ -185,7 +185,7 @@ const TRAINING: &[Binding] = &[
     bind(A::Slower, "slower", &["<"], |s, _| watching::change_speed(s, false))
         .about("fewer updates per second", "speed slow down rate limit throttle"),
     bind(A::Evaluate, "evaluate", &["y"], |s, _| _ = s.screen.command(EngineCommand::Evaluate))
-        .about("evaluate now: how many test walks reach their goals", "evaluation measure score")
+        .about("evaluate now: how many walks reach their goals", "evaluation measure score")
         .each(),
     watch(A::NewSeed, "new-seed", &["shift-r"], |s, _| change_run::ask_to_restart(s))
         .about("restart with another seed", "reset again scratch random number new run start over"),
@@ -243,12 +243,12 @@ const VIEW: &[Binding] = &[
     overlay(Overlay::Contours, "contours", &["c"])
         .about("contour lines, on or off", "isolines levels overlay layer hide show"),
     overlay(Overlay::Unexplored, "unvisited", &["x"])
-        .about("unvisited cells and their edge, on or off", "unexplored exploration frontier fog"),
+        .about("unvisited places and their edge, on or off", "unexplored exploration frontier fog"),
     overlay(Overlay::Agents, "agents", &["a"])
         .about("exploring agents, trails, frontier goals, on or off", "explorers robots dots"),
     overlay(Overlay::Candidates, "candidates", &["b"])
         .about("bridge candidates, on or off (zoom in for more)", "bridges points nodes waypoints"),
-    overlay(Overlay::Edges, "edges", &["d"])
+    overlay(Overlay::Edges, "edges", &["g"])
         .about("edges of the bridge graph, on or off", "graph links lines overlay layer hide show"),
     overlay(Overlay::Search, "search", &["shift-b"])
         .about("the latest search for a bridge point, on or off", "bridge overlay layer"),
@@ -293,7 +293,7 @@ const VIEW: &[Binding] = &[
         .short("projection"),
     watch_scene(A::Alone, "alone", &["shift-z"])
         .about("show the chosen projection alone, or all", "single full"),
-    watch(A::Marker, "marker", &["m"], |s, _| watching::change_marker(s))
+    watch(A::Marker, "marker", &[], |s, _| watching::change_marker(s))
         .about("pixels, half blocks or quadrants", "characters symbols resolution font")
         .each(),
     watch(A::Theme, "theme", &["shift-t"], |s, _| s.open(lists::themes(s.screen.theme.name)))
@@ -347,14 +347,14 @@ const MAP_EDITOR: &[Binding] = &[
 ];
 
 const FILES: &[Binding] = &[
-    watch(A::Save, "save", &["s"], |s, _| s.save())
+    watch(A::Save, "save", &["s"], |s, _| _ = s.saver.save(&mut s.cx))
         .about("save a checkpoint", "store write keep networks model weights")
         .short("save"),
     bind(A::SaveAs, "save-as", &[], |s, _| {
         s.open(s.saver.ask_file("save the checkpoint as"));
     })
     .about("save a checkpoint under a name", "store write copy rename"),
-    bind(A::TrainCopy, "train-copy", &["s"], |s, _| s.ask_for_copy())
+    bind(A::TrainCopy, "train-copy", &["shift-c"], |s, _| s.ask_for_copy())
         .within(Mode::Elsewhere)
         .about("train a copy of the run that another program trains", "fork continue resume own")
         .short("train a copy"),
@@ -367,7 +367,7 @@ const FILES: &[Binding] = &[
 ];
 
 const PROGRAM: &[Binding] = &[
-    bind(A::NextTourStep, "next-step", &["enter", "right"], |s, _| s.guide.next_step(&mut s.cx))
+    bind(A::NextTourStep, "next-step", &["enter"], |s, _| s.guide.next_step(&mut s.cx))
         .help("next step of the tour (or click)")
         .within(Mode::Touring),
     bind(A::EndTour, "end-tour", &["esc"], |s, _| s.guide.end(&mut s.cx))
@@ -409,7 +409,7 @@ const COMPARISON: &[Binding] = &[bind(A::Axis, "axis", &[], |_, _| {})
 const OVER: &str = "curves over updates, environment steps or seconds (or click on their title)";
 
 const RUNS: &[Binding] = &[
-    on_runs(ListAction::Mark, "mark-run", &["space"]).short("mark").help(
+    on_runs(ListAction::Mark, "mark-run", &["m"]).short("mark").help(
         "mark the selected run, or unmark it (or click on it twice): marked runs are drawn together",
     ),
     on_runs(ListAction::Filter, "filter-runs", &["/"]).short("filter").help(
@@ -431,10 +431,10 @@ const RUNS: &[Binding] = &[
     on_runs(ListAction::Sort(false), "sort-runs-back", &["left", "h"])
         .help("sort by the column before"),
     on_runs(ListAction::Reverse, "reverse-runs", &["r"]).help("reverse the order"),
-    on_runs(ListAction::Delete, "delete-runs", &["delete", "shift-d"])
+    on_runs(ListAction::Delete, "delete-runs", &["delete", "d"])
         .help("delete the files of the marked runs, or of the selected one; asks first"),
     on_runs(ListAction::Page(-1), "runs-page-up", &["pageup"]).help("a page up"),
     on_runs(ListAction::Page(1), "runs-page-down", &["pagedown"]).help("a page down"),
-    on_runs(ListAction::Select(0), "first-run", &["home", "g"]).help("the first run"),
-    on_runs(ListAction::Select(usize::MAX), "last-run", &["end", "shift-g"]).help("the last run"),
+    on_runs(ListAction::Select(0), "first-run", &["home"]).help("the first run"),
+    on_runs(ListAction::Select(usize::MAX), "last-run", &["end"]).help("the last run"),
 ];

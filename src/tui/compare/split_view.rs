@@ -14,7 +14,6 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
@@ -30,7 +29,7 @@ use crate::tui::render::side::training;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::scene::{Drawing, SceneKind, legend};
 use crate::tui::session::{Cx, Session};
-use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, blend};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
 use gdg::train::Evaluation;
@@ -81,11 +80,11 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
             let layout = &mut drawn[own];
             maze.draw([map, meaning], Drawing { frame, screen, layout, cache });
         }
-        if screen.past.is_none() {
-            let walks = bars::walks(screen, scene);
-            bars::draw_first_that_fits(frame, map, screen, walks, &mut drawn[own]);
-        }
         frame.render_widget(Paragraph::new(facts), below);
+        if let Some(last) = below.rows().next_back().filter(|_| screen.past.is_none()) {
+            let walks = bars::walks(screen, scene);
+            bars::draw_first_that_fits(frame, last, screen, walks, &mut drawn[own]);
+        }
     }
     draw_curves(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
@@ -186,42 +185,25 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     in_pairs(&[updates, steps, planned, alone, error, races, walk, shortest], width)
 }
 
-/// How far the colour of the actor alone is from its method's to the page's.
-const FAINT: f32 = 0.5;
-
-/// Returns the curves of a side: its success, and that of the actor alone if the method plans.
+/// Returns the curves of a side: its success and, if the method plans, that of the actor alone. Colours say
+/// which it is, as in all charts, and characters of which side.
 fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
     let screen = &comparison.sessions[own].screen;
-    let (run, mono) = (screen.run(), screen.theme.depth == ColourDepth::Mono);
-    let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
-        let evaluations = screen.snapshot.evaluations.iter();
+    let (method, theme) = (&screen.run().method, &screen.theme);
+    let curve = |of: Measure, name: String| {
+        let ink = of.colour(method.plans());
         let point =
-            |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), value(e)?));
-        evaluations.filter_map(point).collect()
+            |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), of.of(e)?));
+        // Without colours, characters say which it is, too.
+        let both = if theme.depth == ColourDepth::Mono { LETTERS.len() * ink } else { 0 };
+        let style = curves::colour(theme, [ink; 2]);
+        let points = screen.snapshot.evaluations.iter().filter_map(point).collect();
+        PaneCurve { name, style, marker: curves::sign(own + both), points }
     };
-    // Without colours, other characters tell the curves apart.
-    let marker = curves::marker(&screen.theme, own);
-    let style = if mono { Style::new() } else { curves::colour(&screen.theme, own) };
-    // Not every terminal draws colours faintly by itself.
-    let page = screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
-    let fainter = match style.fg {
-        Some(Color::Rgb(r, g, b)) => style.fg(screen.theme.colour(blend((r, g, b), page, FAINT))),
-        _ => style,
-    };
-    let name = format!("{} {}", LETTERS[own], run.method.name());
-    let faint = fainter.add_modifier(Modifier::DIM);
-    let actor = PaneCurve {
-        name: "alone".to_owned(),
-        style: faint,
-        marker: curves::marker(&screen.theme, own + LETTERS.len()),
-        points: points(&|e| e.greedy.success),
-    };
-    if run.method.plans() {
-        let planned = points(&|e| e.planned.as_ref()?.success);
-        vec![PaneCurve { name, style: style.patch(BOLD), marker, points: planned }, actor]
-    } else {
-        vec![PaneCurve { name, style: style.patch(BOLD), marker, ..actor }]
-    }
+    let (letter, kind) = (LETTERS[own], if method.plans() { "planned" } else { "alone" });
+    let success = curve(Measure::Success, format!("{letter} {method} {kind}"));
+    let alone = || curve(Measure::Alone, format!("{letter} alone"));
+    std::iter::once(success).chain(method.plans().then(alone)).collect()
 }
 
 /// Draws both success curves in one chart, over how far training had come; a click on its title
@@ -238,10 +220,8 @@ fn draw_curves(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
         frame.render_widget(Paragraph::new(" not evaluated yet").style(DIM), body);
         return;
     }
-    // The faint curves first, so that they do not hide the others.
-    let (faint, strong): (Vec<&PaneCurve>, Vec<&PaneCurve>) =
-        all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
-    let lines = faint.into_iter().chain(strong).map(PaneCurve::line);
+    // The first ones last, on top.
+    let lines = all.iter().rev().map(PaneCurve::line);
     let past = [0, 1].map(|own| {
         let frame = comparison.sessions[own].screen.past.as_ref()?;
         Some(comparison.along(own, frame.updates))

@@ -2,14 +2,14 @@
 //! with keys or a notice.
 
 use ratatui::Frame;
-use ratatui::layout::Rect;
+use ratatui::layout::{Constraint, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Clear, Paragraph};
 
 use super::ScreenPainter;
 use crate::tui::action::{Action, Binding, Mode, bindings};
-use crate::tui::choices::Tool;
+use crate::tui::choices::{Overlay, Tool};
 use crate::tui::keymap::Keymap;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
@@ -86,8 +86,8 @@ fn shorten(parts: &mut [(Span, Action)], of: Action, area: Rect, least: usize) {
 
 pub type Hint = (String, Vec<(Action, &'static str)>);
 
-/// Draws the line at the top of the map's `area`, if there is anything to say.
-pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
+/// Draws the line in the `row` above the map, if there is anything to say.
+pub fn draw_hint(page: &mut ScreenPainter, row: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
     let is_shown = screen.banner.is_some() && !screen.on_paper;
     let hints = match past(screen, scene) {
@@ -96,11 +96,7 @@ pub fn draw_hint(page: &mut ScreenPainter, area: Rect) {
         None if !screen.on_paper => walks(screen, scene),
         past => past.unwrap_or_default(),
     };
-    // Nothing of a projection's label stays beside it.
-    if scene.maze().is_none() && !hints.is_empty() {
-        frame.render_widget(Clear, Rect { height: area.height.min(1), ..area });
-    }
-    draw_first_that_fits(frame, area, screen, hints, layout);
+    draw_first_that_fits(frame, row, screen, hints, layout);
 }
 
 /// Says how walks go, with and without a plan.
@@ -109,10 +105,10 @@ pub fn walks(screen: &Screen, scene: &Scene) -> Vec<Hint> {
     texts.map(|text| (text + " ", Vec::new())).collect()
 }
 
-/// Draws the first hint that fits, or else the last.
+/// Draws the first hint that fits into a row, or else the last, in place of what is there.
 pub fn draw_first_that_fits(
     frame: &mut Frame,
-    area: Rect,
+    row: Rect,
     screen: &Screen,
     hints: Vec<Hint>,
     layout: &mut ScreenLayout,
@@ -128,14 +124,12 @@ pub fn draw_first_that_fits(
         line
     });
     let lines: Vec<ClickableLine> = lines.collect();
-    let fits = lines.iter().position(|line| line.width() <= usize::from(area.width));
+    let fits = lines.iter().position(|line| line.width() <= usize::from(row.width));
     let fits = fits.unwrap_or(lines.len().saturating_sub(1));
     let Some(line) = lines.into_iter().nth(fits) else { return };
-    let width = (line.width() as u16).min(area.width);
-    let area =
-        Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
-    frame.render_widget(Clear, area);
-    line.draw(frame, area, layout);
+    frame.render_widget(Clear, row);
+    let width = Constraint::Length((line.width() as u16).min(row.width));
+    line.draw(frame, row.centered_horizontally(width), layout);
 }
 
 /// Describes which moment of the past is shown, and how to get back.
@@ -262,7 +256,9 @@ pub fn fitting(
         let stays = |action: Action| lacks_panel && action == Action::NextPane;
         let last = keys.iter().filter(|(action, _)| LAST_KEYS.contains(action)).count();
         let before = keys.len() - last;
-        let middle = (1..before).rev().find(|i| !stays(keys[*i].0));
+        // What newcomers need least goes first.
+        let least = (1..before).find(|i| keys[*i].0 == Action::Toggle(Overlay::Ghost));
+        let middle = least.or_else(|| (1..before).rev().find(|i| !stays(keys[*i].0)));
         // Then the first of the last keys, for the sake of the panes.
         let next = if before > 1 && last > 0 { before } else { 0 };
         keys.remove(middle.unwrap_or(next));

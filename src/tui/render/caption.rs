@@ -11,7 +11,7 @@ use crate::tui::action::Action;
 use crate::tui::characters::{put, put_letter};
 use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::pane_text::wrapped;
-use crate::tui::screen::{Screen, ShownStep};
+use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, REVERSED};
 
 /// What border and padding take, and the least columns of text.
@@ -40,15 +40,10 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
             None => {}
         }
     }
-    draw_box(page, area, tour);
-}
-
-fn draw_box(page: &mut ScreenPainter, area: Rect, tour: &ShownStep) {
-    let ScreenPainter { frame, screen, layout, .. } = page;
     let title = Line::styled(format!(" {} ", tour.title), BOLD.patch(REVERSED));
-    let border = match screen.theme.depth {
+    let border = match theme.depth {
         ColourDepth::Mono => BOLD,
-        _ => BOLD.fg(screen.theme.colour(screen.theme.cursor)),
+        _ => BOLD.fg(theme.colour(theme.cursor)),
     };
     let block = Block::bordered().border_style(border).title(title).padding(Padding::horizontal(1));
     let inner = block.inner(area);

@@ -3,17 +3,18 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Color, Modifier, Style};
+use ratatui::style::{Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{self, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
 use super::ScreenPainter;
 use crate::experiment::plot::{Drawable, Measure, XAxis};
+use crate::figure;
 use crate::tui::layout::ChartArea;
 use crate::tui::pane_text::{fitted_lines, short};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{BOLD, ColourDepth, DIM, Rgb, Theme};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, Rgb, Theme, blend, rgb_of};
 use gdg::env::DistanceUnit;
 use gdg::train::{DistanceScore, Evaluation};
 
@@ -31,11 +32,15 @@ pub const MARK: char = '\u{2506}';
 pub const EDITED: &str = "map edited";
 const EDIT_SHARE: f64 = 0.02;
 
-const COLOURS: usize = 6;
+/// The numbers of colours besides those of measures.
+const VIA_GRAPH: usize = 4;
+const MODEL: usize = 5;
+const ACTOR: usize = 6;
 
-/// On a light page, thin lines need darker colours than areas have.
-const ON_LIGHT: [Rgb; COLOURS] =
-    [(0, 90, 190), (190, 40, 0), (0, 120, 50), (140, 40, 150), (140, 100, 0), (80, 80, 90)];
+/// How much lighter lines are on a dark page than in figures, and how far the curve of the farthest
+/// tasks fades.
+const LIGHTER: f32 = 0.25;
+const FADE: f32 = 0.7;
 
 pub struct Plot {
     pub title: &'static str,
@@ -48,7 +53,7 @@ pub struct Plot {
 
 pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
-    let mut plots = plots(screen, scene.has_true_distances());
+    let mut plots = plots(screen, &screen.theme, scene.has_true_distances());
     let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
     let rows =
         usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
@@ -64,16 +69,19 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     }
 }
 
-pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
+/// Returns the charts, whose curves have the same colours as in all others, by what they mean, and signs by
+/// their order.
+pub fn plots(screen: &Screen, theme: &Theme, has_true_distances: bool) -> Vec<Plot> {
     type Quantity<'a> = &'a dyn Fn(&Evaluation) -> Option<f64>;
-    let (snapshot, theme) = (&screen.snapshot, &screen.theme);
-    let curve = |name: &str, i: usize, points| {
-        let (style, marker) = (colour(theme, i), marker(theme, i));
+    let snapshot = &screen.snapshot;
+    let own = |of: Measure| of.colour(screen.run().method.plans());
+    let curve = |name: &str, [ink, sign]: [usize; 2], points| {
+        let (style, marker) = (colour(theme, [ink, sign]), marker(theme, sign));
         PaneCurve { name: name.to_owned(), style, marker, points }
     };
     // One part for each method. A former method that does not learn would only leave a dot.
     let stretches = snapshot.methods.stretches();
-    let of = |name: &str, i: usize, value: Quantity| -> Vec<PaneCurve> {
+    let of = |name: &str, inks: [usize; 2], value: Quantity| -> Vec<PaneCurve> {
         let mut parts = vec![Vec::new(); stretches.len().max(1)];
         for (at, e) in snapshot.evaluations.iter() {
             let own = snapshot.methods.index(*at);
@@ -82,16 +90,19 @@ pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
             }
         }
         let named = std::iter::once(name).chain(std::iter::repeat(""));
-        named.zip(parts).map(|(name, points)| curve(name, i, points)).collect()
+        named.zip(parts).map(|(name, points)| curve(name, inks, points)).collect()
     };
-    let loss = |title, i: usize| {
+    let loss = |title, i: usize, ink| {
         let points = snapshot.curve.iter();
         let points = points.map(|p| (along(screen, p.updates), f64::from(p.losses[i]))).collect();
-        Plot { title, curves: vec![curve("", 0, points)], max: None, log: true }
+        Plot { title, curves: vec![curve("", [ink, 0], points)], max: None, log: true }
     };
     let distances = snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
     let each = distances.iter().enumerate().flat_map(|(i, d)| {
-        of(&group_name(d, i, distances.len()), i, &|e| by_distance(e).get(i)?.success)
+        let name = group_name(d, i, distances.len());
+        let curves = of(&name, [own(Measure::Success), i], &|e| by_distance(e).get(i)?.success);
+        let fade = FADE * i as f32 / distances.len() as f32;
+        curves.into_iter().map(move |curve| curve.faded(theme, fade))
     });
     let by_unit = match distances.iter().find_map(DistanceScore::distance) {
         Some((_, DistanceUnit::Centimetres)) => "success by cm",
@@ -100,19 +111,21 @@ pub fn plots(screen: &Screen, has_true_distances: bool) -> Vec<Plot> {
     };
     let coverage = snapshot.coverage().into_iter();
     let coverage = coverage.map(|(at, share)| (along(screen, at), share)).collect();
-    let mut success = of("planned", 0, &|e| e.planned.as_ref()?.success);
-    success.extend(of("alone", 1, &|e| e.greedy.success));
-    success.push(curve("explored", 2, coverage));
-    let mut errors = of("D", 0, &|e| Some(100.0 * e.distance_error?.mape));
-    errors.extend(of("via graph", 1, &|e| Some(100.0 * e.distance_error?.graph?.mape)));
+    let mut success =
+        of("planned", [Measure::Success.colour(true), 0], &|e| e.planned.as_ref()?.success);
+    success.extend(of("alone", [own(Measure::Alone), 1], &|e| e.alone.success));
+    success.push(curve("explored", [own(Measure::Explored), 2], coverage));
+    let mut errors = of("D", [own(Measure::Error), 0], &|e| Some(100.0 * e.error?.mape));
+    let graph = |e: &Evaluation| Some(100.0 * e.error?.graph?.mape);
+    errors.extend(of("via graph", [VIA_GRAPH, 1], &graph));
     let rate = |title, curves| Plot { title, curves, max: Some(1.0), log: false };
     let errors = Plot { title: "error of D, %", curves: errors, max: None, log: true };
-    let of_critic = loss("loss of D", 0);
+    let of_critic = loss("loss of D", 0, own(Measure::Error));
     let is_known = has_true_distances || errors.curves.iter().any(|curve| !curve.points.is_empty());
     let errors = is_known.then_some(errors);
     // One group has the curve of all.
     let each = (distances.len() != 1).then(|| rate(by_unit, each.collect()));
-    let losses = [loss("loss of f", 1), loss("loss of mu, steps", 2)];
+    let losses = [loss("loss of f", 1, MODEL), loss("loss of mu, steps", 2, ACTOR)];
     let first = [rate("success", success)].into_iter().chain(errors);
     first.chain([of_critic]).chain(each).chain(losses).collect()
 }
@@ -133,7 +146,7 @@ pub fn group_name(group: &DistanceScore, i: usize, groups: usize) -> String {
 
 /// Returns the success at each distance, with planning if the method plans.
 fn by_distance(e: &Evaluation) -> &[DistanceScore] {
-    &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
+    &e.planned.as_ref().unwrap_or(&e.alone).by_distance
 }
 
 /// Draws a chart of the window; returns where its lines are, unless there are none.
@@ -223,32 +236,30 @@ pub fn apart(edits: impl Iterator<Item = f64>, last: f64) -> Vec<f64> {
 
 /// Returns the characters of line `i`, which tell lines of no colours or the same ones apart.
 pub fn marker(theme: &Theme, i: usize) -> Marker {
-    let number = if theme.depth == ColourDepth::Mono { i } else { i / COLOURS };
+    sign(if theme.depth == ColourDepth::Mono { i } else { i / figure::COLOURS.len() })
+}
+
+pub fn sign(number: usize) -> Marker {
     match ['\u{2500}', '\u{2022}', '+', 'x', 'o', '*'][number % 6] {
         sign if number > 0 => Marker::Custom(sign),
         _ => Marker::Braille,
     }
 }
 
-pub fn colour(theme: &Theme, i: usize) -> Style {
+/// Returns the style of lines in a colour of figures; without colours, by their sign.
+pub fn colour(theme: &Theme, [ink, sign]: [usize; 2]) -> Style {
     if theme.depth == ColourDepth::Mono {
-        return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
+        return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][sign % 3];
     }
-    // Colours from the map's distance scale, the first two far apart.
-    let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % COLOURS];
-    let Color::Rgb(..) = theme.colour((0, 0, 0)) else {
-        return Style::new().fg([
-            Color::Yellow,
-            Color::Cyan,
-            Color::Green,
-            Color::Blue,
-            Color::Magenta,
-            Color::Red,
-        ][i % COLOURS]);
+    let rgb = match figure::colour(ink) {
+        rgb if theme.page.is_some() => rgb,
+        (0, 0, 0) => WHITE,
+        rgb => blend(rgb, WHITE, LIGHTER),
     };
-    let rgb = if theme.page.is_some() { ON_LIGHT[i % COLOURS] } else { theme.distance_colour(at) };
     Style::new().fg(theme.colour(rgb))
 }
+
+const WHITE: Rgb = (255, 255, 255);
 
 /// Maximum lines for a chart's title and the names of its curves.
 const MAX_NAME_LINES: usize = 2;
@@ -265,6 +276,15 @@ impl PaneCurve {
     pub fn label(&self) -> Span<'static> {
         let sign = if let Marker::Custom(sign) = self.marker { sign } else { '\u{2500}' };
         Span::styled(format!("  {sign} {}", self.name), self.style)
+    }
+
+    fn faded(self, theme: &Theme, share: f32) -> Self {
+        let page = theme.page.map_or((0, 0, 0), |(_, page)| page);
+        let faded = |rgb| theme.colour(blend(rgb, page, share));
+        Self {
+            style: Style { fg: self.style.fg.and_then(rgb_of).map(faded), ..self.style },
+            ..self
+        }
     }
 
     pub fn line(&self) -> ChartLine<'_> {

@@ -32,8 +32,8 @@ const KEY_MARGIN: usize = 2;
 /// Columns of a detail, such as a key, that a long label leaves.
 const MAX_KEPT: usize = 12;
 
-/// Draws the topmost dialog, if there is one, and records where it is. A notice is shown over the last
-/// line of the screen, whose keys do nothing meanwhile.
+/// Draws the topmost dialog, if there is one, and records where it is. A notice is shown in the last line
+/// of the screen, in place of keys.
 pub fn draw_dialog(
     frame: &mut Frame,
     screen: &Screen,
@@ -71,7 +71,7 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     let dialog_area = middle(area, width as u16, top);
     let dialog_area = Rect { height: height.min(wanted), ..dialog_area };
     let accepts = picker.is_question() || picker.choice().is_some_and(|c| *c != Choice::Nothing);
-    let inner = draw_box(frame, dialog_area, (&picker.title, accepts), layout);
+    let inner = draw_box(frame, dialog_area, &picker.title, accepts, layout);
     let [top, line, list, below] = Layout::vertical([
         Constraint::Length(above),
         Constraint::Length(search_rows),
@@ -211,7 +211,7 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     let most = usize::from(area.height.saturating_sub(4));
     let text = first_lines(wrapped(text, columns), most, columns);
     let dialog_area = middle(area, width, 4 + text.len() as u16);
-    let inner = draw_box(frame, dialog_area, (&prompt.title, true), layout);
+    let inner = draw_box(frame, dialog_area, &prompt.title, true, layout);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])
             .areas(inner);
@@ -228,11 +228,19 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     frame.render_widget(Paragraph::new(text), below);
 }
 
-/// Draws the box around a dialog `of` a title that accepts something or only closes, with its buttons at
-/// the bottom; returns the area inside.
-fn draw_box(frame: &mut Frame, at: Rect, of: (&str, bool), layout: &mut ScreenLayout) -> Rect {
-    let ((title, accepts), dialog_area) = (of, at);
+/// Draws the box around a dialog, which accepts something or only closes, with its buttons at the bottom;
+/// returns the area inside.
+fn draw_box(
+    frame: &mut Frame,
+    dialog_area: Rect,
+    title: &str,
+    accepts: bool,
+    layout: &mut ScreenLayout,
+) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
+    // The keys there do nothing meanwhile.
+    let foot = frame.area().rows().next_back().unwrap_or_default();
+    frame.render_widget(Clear, foot);
     // Leave out a part in brackets that does not fit.
     let title = if display_width(title) + 2 > room {
         title.split(" (").next().unwrap_or(title)

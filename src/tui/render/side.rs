@@ -30,25 +30,30 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     if page.screen.maximised {
         return draw_pane(page, body, page.screen.pane);
     }
-    // The panes beside and below the selected one.
-    let mut others = Pane::ALL.into_iter();
-    let chosen = page.screen.pane;
-    let mut next = move || others.find(|pane| *pane != chosen);
-    let taken = lines(chosen, page.screen, page.scene, body.width)
-        .map_or(usize::from(SECOND_PANE_ROWS), |lines| lines.len() + 1);
+    let (chosen, screen, scene) = (page.screen.pane, page.screen, page.scene);
+    let others = Pane::ALL.into_iter().filter(|pane| *pane != chosen);
+    let mut panes: Vec<Pane> = std::iter::once(chosen).chain(others).collect();
+    let needed = |pane: &Pane| lines(*pane, screen, scene, body.width).map(|own| own.len() + 1);
+    let taken = needed(&chosen).unwrap_or(SECOND_PANE_ROWS.into());
     let rows = match body.height.saturating_sub(taken as u16) {
         left if left >= THIRD_PANE_ROWS => 3,
         left if left >= SECOND_PANE_ROWS => 2,
         _ => 1,
     };
     // No more columns than there are panes for: the others are wider.
-    let most = Pane::ALL.len().div_ceil(rows);
+    let most = panes.len().div_ceil(rows);
     let columns = usize::from(body.width / MIN_COLUMN_WIDTH).clamp(1, most);
-    let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(body);
-    let mut first = Some(chosen);
-    for area in areas.iter() {
-        let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
-        for (pane, area) in panes.iter().zip(stack(*area, &panes, page.screen, page.scene)) {
+    let text = panes.iter().filter_map(needed).sum::<usize>();
+    // Charts get a column of their own if one has room for all that is text.
+    let stacks: Vec<&[Pane]> = if columns > 1 && text <= body.height.into() {
+        panes.sort_by_key(|pane| *pane == Pane::Curves && chosen != Pane::Curves);
+        panes.chunk_by(|a, b| [a, b].iter().all(|pane| **pane != Pane::Curves)).collect()
+    } else {
+        panes.chunks(rows).take(columns).collect()
+    };
+    let areas = Layout::horizontal(vec![Constraint::Fill(1); stacks.len()]).split(body);
+    for (panes, area) in stacks.into_iter().zip(areas.iter()) {
+        for (pane, area) in panes.iter().zip(stack(*area, panes, screen, scene)) {
             draw_pane(page, area, *pane);
         }
     }
@@ -105,7 +110,7 @@ fn draw_pane(page: &mut ScreenPainter, area: Rect, pane: Pane) {
         Some(lines) => {
             let rows = inner.rows().zip(&lines);
             let click = |(row, line): (Rect, &Line)| {
-                let asks = pane == Pane::Training && line.to_string().starts_with(" next ");
+                let asks = pane == Pane::Training && line.to_string().starts_with(" evaluation ");
                 asks.then_some((row, Action::Evaluate))
             };
             clicks.extend(rows.filter_map(click));

@@ -21,8 +21,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 
-use super::RunsScreen;
 use super::list::{List, is_growing};
+use super::{NO_RUNS, RunsScreen};
 use crate::experiment::plot::Measure;
 use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
@@ -131,7 +131,7 @@ fn sign(letter: Option<usize>) -> char {
 const ARROWS: [char; 2] = ['\u{2193}', '\u{2191}'];
 
 fn style(letter: Option<usize>, theme: &Theme) -> Style {
-    letter.map_or(Style::new(), |letter| curves::colour(theme, letter).patch(BOLD))
+    letter.map_or(Style::new(), |letter| curves::colour(theme, [letter; 2]).patch(BOLD))
 }
 
 /// Draws how many runs are listed, the words that they must have, and the rows in view.
@@ -215,9 +215,8 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Cl
     }
     if list.all().is_empty() {
         let is_read = screen.read.is_some_and(|[read, all]| read == all);
-        let none = "   no runs here yet: train with --save FILE, or press s in the interface";
-        let text = Line::styled(if is_read { none } else { "   reading ..." }, DIM);
-        frame.render_widget(text, rows);
+        let text = format!("   {}", if is_read { NO_RUNS } else { "reading ..." });
+        frame.render_widget(Line::styled(text, DIM), rows);
     }
 }
 
@@ -252,9 +251,12 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
     let curve = |(letter, run): &DrawnRun| {
         let stem = PathBuf::from(screen.list.file_of(run)).with_extension("");
         let points = run.evaluations.iter();
+        // A single curve is in the colour of what it shows, several in those of their runs.
+        let own = measure.colour(run.plans());
+        let is_alone = runs.len() == 1;
         PaneCurve {
             name: format!("{} {}", sign(*letter), stem.display()),
-            style: style(*letter, theme),
+            style: if is_alone { curves::colour(theme, [own, 0]) } else { style(*letter, theme) },
             marker: letter.map_or(Marker::Braille, |letter| curves::marker(theme, letter)),
             points: points
                 .filter_map(|at| Some((axis.of(at), measure.of(&at.evaluation)?)))

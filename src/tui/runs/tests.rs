@@ -19,16 +19,16 @@ pub fn saved(file: &str, map: &str, method: &str, seed: u64, success: &[f64]) ->
         env_steps: 16_000 * (i as u64 + 1),
         seconds: 2.0 * (i as f64 + 1.0),
         evaluation: Evaluation {
-            greedy: score(if plans { success / 2.0 } else { *success }),
+            alone: score(if plans { success / 2.0 } else { *success }),
             planned: plans.then(|| score(*success)),
-            coverage: Some(0.5),
+            explored: Some(0.5),
             ..Evaluation::default()
         },
     };
     SavedRun {
         source: file.into(),
         kind: RunKind::Checkpoint,
-        end: Some(RunState::Saved),
+        end: Some(RunState::Ended),
         map: map.to_owned(),
         method: method.to_owned(),
         settings: ["preset=default", "hidden=16"].map(str::to_owned).to_vec(),
@@ -74,7 +74,7 @@ pub fn screen() -> RunsScreen {
     };
     let result = SavedRun {
         kind: RunKind::Result,
-        end: Some(RunState::Done),
+        end: Some(RunState::Ended),
         variant: Some("small".to_owned()),
         settings: ["preset=tuned", "hidden=8"].map(str::to_owned).to_vec(),
         checkpoint: None,
@@ -99,7 +99,7 @@ fn every_size_can_be_drawn() {
     for all in [None, Some([run, saved("other", "\u{8ff7}\u{5bae}", "gdg", 0, &[])])] {
         all.iter().for_each(|runs| screen.show_runs(runs));
         for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
-            for keys in [" ", "?", "?", "/x", "\n", "j", "D", "n"] {
+            for keys in ["m", "?", "?", "/x", "\n", "j", "d", "n"] {
                 type_text(&mut screen, keys);
                 draw(&mut screen, width, height);
             }
@@ -125,7 +125,7 @@ fn files_that_cannot_be_read_are_rows_that_tell_all() {
 
 #[test]
 fn ctrl_c_quits_wherever_it_is_pressed() {
-    for keys in ["", "?", "/c", "D"] {
+    for keys in ["", "?", "/c", "d"] {
         let mut screen = screen();
         type_text(&mut screen, keys);
         press_with(&mut screen, KeyCode::Char('c'), KeyModifiers::CONTROL);
@@ -164,7 +164,7 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     screen.list(&FoundRuns { runs: vec![grows.clone()], read: [1, 1] });
     assert!(shown_by(&mut screen, 200, 40).contains("Enter watch"));
     screen.show_runs(&[own("c", "own"), own("b", "own"), own("a", "own")]);
-    type_text(&mut screen, " jj ");
+    type_text(&mut screen, "mjjm");
     press(&mut screen, KeyCode::Enter);
     let wish = Wish { file: path("a"), beside: Some(path("c")), warning: None, watches: None };
     assert_eq!(screen.wish.take(), Some(wish));
@@ -184,7 +184,7 @@ fn runs_with_a_checkpoint_are_resumed_and_two_compared() {
     assert_eq!((wish.watches, wish.warning), (Some(path("a")), None));
     screen
         .list(&FoundRuns { runs: [found(&[own("b", "own")]), vec![grows]].concat(), read: [1, 1] });
-    type_text(&mut screen, " j ");
+    type_text(&mut screen, "mjm");
     press(&mut screen, KeyCode::Enter);
     let told = screen.wish.take().and_then(|wish| wish.warning).expect("a warning");
     assert!(told.contains("as last saved") && told.contains("to another name"), "{told}");
@@ -200,33 +200,33 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     };
     let mut screen = screen();
     screen.show_runs(&["a", "b", "c"].map(own));
-    type_text(&mut screen, " j D");
+    type_text(&mut screen, "mjmd");
     let asked = shown_by(&mut screen, 200, 40);
     let parts = ["delete 2 files?", "/b, ", "/c; written just now", "d delete"];
     assert!(parts.iter().all(|part| asked.contains(part)), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only d deletes");
     // Another program may have resumed one, and saved it.
-    type_text(&mut screen, "D");
+    type_text(&mut screen, "d");
     let later = SystemTime::now() + Duration::from_secs(9);
     std::fs::File::open(path("b")).and_then(|file| file.set_modified(later)).expect("a file");
     type_text(&mut screen, "d");
     assert!(shown_by(&mut screen, 120, 40).contains("b has just been written: nothing is deleted"));
     screen.show_runs(&["a", "b", "c"].map(own));
     press(&mut screen, KeyCode::Home);
-    type_text(&mut screen, " j Dd");
+    type_text(&mut screen, "mjmdd");
     assert_eq!(["a", "b", "c"].map(|name| path(name).exists()), [true, false, false]);
     assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
     screen.show_runs(&[damaged(path("a"), ":1: not a record")]);
-    type_text(&mut screen, "Dd");
+    type_text(&mut screen, "dd");
     assert!(!path("a").exists(), "a file that is no run");
     // A run of two files, one of which has another run, or is removed meanwhile.
-    let records = SavedRun { kind: RunKind::Records, end: Some(RunState::Done), ..own("d") };
+    let records = SavedRun { kind: RunKind::Records, end: Some(RunState::Ended), ..own("d") };
     let joined = SavedRun { others: vec![path("e")], ..records.clone() };
     let other = SavedRun { seed: 8, ..records.clone() };
     screen.show_runs(&[joined, other]);
     press(&mut screen, KeyCode::End);
-    type_text(&mut screen, "D");
+    type_text(&mut screen, "d");
     let asked = shown_by(&mut screen, 120, 40);
     assert!(asked.contains("delete 2 files with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "d");
@@ -238,7 +238,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
         SavedRun { others: vec![path("d")], checkpoint: Some(path("c")), seed: 8, ..last };
     screen.show_runs(&[SavedRun { others: vec![path("c")], ..first }, goes_on, kept]);
     press(&mut screen, KeyCode::End);
-    type_text(&mut screen, "D");
+    type_text(&mut screen, "d");
     let asked = shown_by(&mut screen, 120, 40);
     assert!(asked.contains("delete 1 file with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "n");

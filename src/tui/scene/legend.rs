@@ -16,7 +16,7 @@ use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::{Number, fact, fitted_line, heading, number, short};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme};
+use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme, ink};
 use gdg::bridge::EdgeStatus;
 use gdg::text::{counted, grouped};
 use gdg::viewer::{Field, Ghost, Graph};
@@ -28,11 +28,12 @@ pub const SHORT_BAR_WIDTH: usize = 5;
 /// The actor stands still after this many steps in one place.
 const STANDS_STEPS: u32 = 20;
 
-/// Returns a field's name, the values at both ends, and a bar of `bar` characters if it has one.
-pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<Line<'static>> {
-    let name = Span::raw(format!(" {} ", field.name()));
+/// Returns the name of the field that is shown, the values at both ends, and a bar of `bar` characters.
+fn scale(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
+    let (theme, field) = (&screen.theme, scene.shown_field(screen));
+    let (name, farthest) = (Span::raw(format!(" {} ", field.name())), scene.farthest(screen));
     let (low, high) = match field {
-        Field::Plain => return None,
+        Field::Plain => return Line::raw(format!(" {} only ", scene.noun())),
         Field::Error => {
             let most = 100.0 * MAX_SHOWN_ERROR;
             let [short, long] = if bar > SHORT_BAR_WIDTH { [" short", " long"] } else { [""; 2] };
@@ -57,7 +58,7 @@ pub fn scale(theme: &Theme, field: Field, farthest: f32, bar: usize) -> Option<L
         }
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
-    Some(line)
+    line
 }
 
 /// Draws the line below a scene: the scale, with the first of `texts` and the longest bar that fit.
@@ -66,7 +67,7 @@ pub fn draw_scale(area: Rect, scene: &dyn SceneKind, on: Drawing, texts: &[Strin
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let mut lines = options.map(|(text, bar)| {
-        let mut line = scale_of(scene, screen, bar);
+        let mut line = scale(scene, screen, bar);
         // Without a bar, a blank ends the line.
         let text =
             if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
@@ -74,7 +75,7 @@ pub fn draw_scale(area: Rect, scene: &dyn SceneKind, on: Drawing, texts: &[Strin
         line
     });
     let line = lines.find(|line| line.width() <= usize::from(area.width));
-    let line = line.unwrap_or_else(|| scale_of(scene, screen, SHORT_BAR_WIDTH));
+    let line = line.unwrap_or_else(|| scale(scene, screen, SHORT_BAR_WIDTH));
     frame.render_widget(Paragraph::new(fitted_line(line, area.width)), area);
 }
 
@@ -87,18 +88,12 @@ pub fn overlays(scene: &dyn SceneKind, screen: &Screen) -> impl Iterator<Item = 
     Overlay::ALL.into_iter().filter(|of| offers(scene, screen, Action::Toggle(*of)))
 }
 
-pub fn scale_of(scene: &dyn SceneKind, screen: &Screen, bar: usize) -> Line<'static> {
-    scale(&screen.theme, scene.shown_field(screen), scene.farthest(screen), bar)
-        .unwrap_or_else(|| Line::raw(format!(" {} only ", scene.noun())))
-}
-
 /// The row of the legend that its overlays begin in.
-pub const FIRST_OVERLAY: usize = 2;
+pub const FIRST_OVERLAY: usize = 1;
 
-/// Returns the legend: the colour scale, a line for each available overlay with its sign, and signs.
+/// Returns the legend: a line for each available overlay with its sign, and signs.
 pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
-    let scale = scale_of(scene, screen, SHORT_BAR_WIDTH);
-    let mut lines = vec![scale, heading("toggle by key or click")];
+    let mut lines = vec![heading("toggle by key or click")];
     for overlay in overlays(scene, screen) {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let (mark, style) =
@@ -128,7 +123,15 @@ pub fn edge_lines(
 }
 
 pub fn sign(screen: &Screen, sign: char, rgb: Rgb, meaning: &str) -> Line<'static> {
-    Line::from(vec![Span::raw(" "), sample(screen, sign, rgb), Span::raw(format!(" {meaning}"))])
+    signs(screen, &[(sign, rgb, meaning)])
+}
+
+/// Returns signs with their meanings in one line.
+pub fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
+    let spans = all.iter().flat_map(|(symbol, rgb, meaning)| {
+        [Span::raw(" "), sample(screen, *symbol, *rgb), Span::raw(format!(" {meaning} "))]
+    });
+    spans.collect()
 }
 
 pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
@@ -157,7 +160,8 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
         Overlay::Contours => return None,
         Overlay::Unexplored => (of_depth(UNVISITED_MARK, '\u{2592}'), theme.frontier),
         Overlay::Agents => (of_depth('o', '\u{25a0}'), theme.agent),
-        Overlay::Candidates => (CANDIDATE_MARK, theme.cursor),
+        // In black or white, as on any ground.
+        Overlay::Candidates => (CANDIDATE_MARK, ink(theme.page.map_or((0, 0, 0), |page| page.1))),
         Overlay::Edges => ('\u{2500}', theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (of_depth('+', '\u{25a0}'), theme.path),

@@ -6,7 +6,7 @@ use crate::tui::canvas::{Canvas, Ink};
 use crate::tui::characters::CANDIDATE_MARK;
 use crate::tui::choices::Overlay;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{Rgb, Theme};
+use crate::tui::theme::{Rgb, Theme, ink};
 use gdg::bridge::EdgeStatus;
 use gdg::train::FilmFrame;
 use gdg::viewer::{Candidate, Graph};
@@ -81,8 +81,8 @@ impl Painter<'_> {
     }
 
     /// Draws some bridge candidates, since all of them would hide the ground: in each block the one
-    /// nearest to its middle, so that they stay the same while they are in place. The better
-    /// connected, the larger or stronger.
+    /// nearest to its middle, so that they stay the same while they are in place. In pictures, the
+    /// better connected, the larger.
     pub fn candidates(&mut self, graph: &Graph) {
         if !self.shows(Overlay::Candidates) {
             return;
@@ -104,10 +104,13 @@ impl Painter<'_> {
         shown.sort_unstable();
         for Candidate { at, degree } in shown.into_iter().map(|i| &graph.candidates[i]) {
             let Some(at) = (self.place)(at) else { continue };
-            let is_fine = self.canvas.is_fine;
-            let share = if is_fine { 0.8 } else { 0.25 + 0.5 * degree };
-            let ink = Ink { rgb: None, share, mark: Some(CANDIDATE_MARK), on_floor: true };
-            self.canvas.disc(at, 0.04 + 0.09 * degree, ink);
+            if self.canvas.is_fine {
+                let rgb = ink(self.canvas.colour(at));
+                let ink = Ink { on_floor: true, ..Ink::new(rgb, 0.8, CANDIDATE_MARK) };
+                self.canvas.disc(at, 0.04 + 0.09 * degree, ink);
+            } else {
+                self.canvas.symbol(at, CANDIDATE_MARK, None);
+            }
         }
     }
 

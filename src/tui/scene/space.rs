@@ -184,7 +184,8 @@ impl SceneKind for SpaceState {
             | Action::Undo
             | Action::Redo
             | Action::SaveMap
-            | Action::Toggle(Overlay::Unexplored | Overlay::Ghost) => false,
+            | Action::Toggle(Overlay::Ghost) => false,
+            Action::Toggle(Overlay::Unexplored) => !self.is_arm,
             Action::Projection => self.is_arm || self.goal.len() > 2,
             Action::StartHere
             | Action::ZoomIn

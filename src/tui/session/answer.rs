@@ -52,17 +52,11 @@ impl Session {
     /// Accepts the answer to the topmost dialog; returns what has been picked from a list.
     fn answer(&mut self) -> Option<Choice> {
         match self.screen.dialogs.pop()? {
-            Dialog::Pick(mut picker) => {
+            Dialog::Pick(picker) => {
                 let choice = picker.choice().cloned();
                 if choice.is_none() {
                     let text = format!("nothing in the list fits \"{}\"", picker.typed().0);
                     self.screen.notify(&text);
-                }
-                // The list of settings stays, for the next one, without what was searched for.
-                if matches!(choice, None | Some(Choice::Setting(_))) {
-                    if choice.is_some() {
-                        picker.show_all();
-                    }
                     self.open(picker);
                 }
                 return choice;

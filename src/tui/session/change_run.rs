@@ -93,7 +93,7 @@ pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
         let choice = Choice::LoadUnsaved(path);
         return cx.screen.open(lists::leave(title, "load it", "", choice, Some(lost)));
     }
-    cx.screen.notify(&format!("loading {} ...", path.display()));
+    cx.screen.say(&format!("loading {} ...", path.display()));
     cx.screen.command(EngineCommand::Load(path));
 }
 

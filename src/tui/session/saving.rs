@@ -123,7 +123,7 @@ impl Saver {
 
     /// Saves the run; returns whether the trainer accepted the command.
     pub fn save(&mut self, cx: &mut Cx) -> bool {
-        cx.screen.notify(&format!("saving {} ...", self.next_file().display()));
+        cx.screen.say(&format!("saving {} ...", self.next_file().display()));
         self.request_save(cx)
     }
 

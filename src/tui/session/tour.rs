@@ -308,7 +308,7 @@ fn wandering(_: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption>
         "The o are agents that wander about. Nobody rewards them. Shades show what they learn: D, the number of steps to G. \
          The denser, the farther."
     } else {
-        "The white dots are agents that wander about. Nobody rewards them. Colours show what they learn: D, the number of \
+        "The white squares are agents that wander about. Nobody rewards them. Colours show what they learn: D, the number of \
          steps to G. Light is near, dark is far."
     };
     Some(Caption { text: text.to_owned(), marks: Vec::new(), seen: true })
@@ -363,7 +363,7 @@ fn explain_bridge(tour: &mut Tour, cx: &mut Cx) -> Option<Caption> {
     let Some(TourBridge { stops: [start, ..], distances: [first, second, direct] }) = tour.bridge
     else {
         let text = format!(
-            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G). Looked {} times so far.",
+            "Wait for a bridge: a place B between S and G with D(S,B) + D(B,G) far below D(S,G). Searched {} times so far, among the dots.",
             tour.searches
         );
         return Some(Caption { text, ..Caption::default() });
@@ -428,9 +428,9 @@ fn closed(tour: &mut Tour, Cx { screen, scene, .. }: &mut Cx) -> Option<Caption>
     let (place, before) = tour.watched;
     let now = distance_to_goal(maze, screen, place);
     let followed = if now.round() > before.round() {
-        format!("D follows: from P it was {before:.0}, now {now:.0}.")
+        format!("D follows: from P, in front of it, it was {before:.0}, now {now:.0}.")
     } else {
-        format!("D will follow: from P it is still {now:.0}.")
+        format!("D will follow: from P, in front of it, it is still {now:.0}.")
     };
     let text = format!(
         "A wall now closes this door: you can draw one with {}. The plan changes at once. {followed}",

@@ -53,7 +53,7 @@ fn screens_match_their_snapshots() {
     check("goals", &mut spaces::staged_goals(120, 40), 120, 40);
     check("comparison", &mut compare::staged(120, 40), 120, 40);
     let mut list = crate::tui::runs::tests::screen();
-    type_text(&mut list, " j j ");
+    type_text(&mut list, "mjmjm");
     check("runs", &mut list, 120, 40);
 }
 

@@ -28,12 +28,12 @@ fn coverage(at: f64) -> f64 {
 
 pub(super) fn evaluation(at: f64) -> Evaluation {
     Evaluation {
-        greedy: score(0.6 * at),
+        alone: score(0.6 * at),
         planned: Some(score(at)),
         straight: None,
-        distance_error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
+        error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
         bridges: None,
-        coverage: Some(coverage(at)),
+        explored: Some(coverage(at)),
         marked: None,
         scenario: None,
     }

@@ -125,7 +125,7 @@ fn steps_wait_until_what_they_explain_is_seen() {
 #[test]
 fn a_bridge_that_saves_much_is_found_drawn_and_walked() {
     let mut app = touring_still();
-    (0..2).for_each(|_| press(&mut app, KeyCode::Right));
+    (0..2).for_each(|_| press(&mut app, KeyCode::Enter));
     assert!(caption(&app).contains("Wait for a bridge"), "{}", caption(&app));
     learn(&mut app, squared);
     advance(&mut app, Duration::from_secs(1));

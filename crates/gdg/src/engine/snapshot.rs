@@ -270,7 +270,7 @@ impl Snapshot {
         let points =
             self.curve.iter().filter_map(|point| Some((point.updates, f64::from(point.coverage?))));
         let evaluated =
-            self.evaluations.iter().filter_map(|(updates, e)| Some((*updates, e.coverage?)));
+            self.evaluations.iter().filter_map(|(updates, e)| Some((*updates, e.explored?)));
         let mut all: Vec<_> = points.chain(evaluated).collect();
         all.sort_by_key(|(updates, _)| *updates);
         all

@@ -12,6 +12,7 @@ mod worker;
 mod worker_pool;
 
 use std::ops::Range;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use parking_lot::Mutex;
@@ -64,12 +65,14 @@ const UNSURE: f32 = 0.1;
 /// Tasks count from 1.
 const NO_TASK: f64 = 0.0;
 
-/// What a checkpoint keeps of a world: no path of an interpreter, which belongs to a machine.
+/// What a checkpoint keeps of a world, with its interpreter as it was given.
 #[derive(Serialize, Deserialize)]
 struct Stored {
     address: Address,
     found: EnvFacts,
     about: EnvDescription,
+    #[serde(default)]
+    python: Option<String>,
 }
 
 /// How an agent has come to where it is.
@@ -120,8 +123,11 @@ pub struct Gym {
 
 impl Gym {
     fn load(store: &Store, options: &GymOptions) -> Result<Self> {
-        let Stored { address, found, about } = store.json(STORED)?;
+        let Stored { address, found, about, python } = store.json(STORED)?;
         let address: Address = address.to_string().parse().map_err(StoreError::inconsistent)?;
+        // Another machine may not have it.
+        let kept = python.map(PathBuf::from).filter(|path| path.exists() || path.is_relative());
+        let options = &GymOptions { python: options.python.clone().or(kept), ..options.clone() };
         let (pool, found) = if options.reads_only {
             Pool::only_read(address, options, about, found)?
         } else {

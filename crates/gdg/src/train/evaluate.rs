@@ -71,7 +71,7 @@ impl EvaluationJob {
         let graph = self.graph(job);
         go_on()?;
         stage += usize::from(graph.is_some());
-        let greedy = self.actor(None);
+        let actor = self.actor(None);
         let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
         let (world, rng) = (&*self.world, &mut self.rng.clone());
         let mut score = |actor: &Actor| {
@@ -86,18 +86,18 @@ impl EvaluationJob {
             Ok::<_, EnvError>(Score::new(tasks, &runs.taken))
         };
         let planned_score = planned.as_ref().map(&mut score).transpose()?;
-        let greedy_score = score(&greedy)?;
+        let alone = score(&actor)?;
         let mut truth = world.abilities().evaluated.and_then(Evaluated::ground_truth);
-        let distance_error = truth.as_mut().and_then(|truth| {
+        let error = truth.as_mut().and_then(|truth| {
             let pairs = truth.pairs(rng);
             distance_error(&pairs, &*self.policy, graph.as_ref())
         });
         Ok(Evaluation {
-            distance_error,
+            error,
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
-            coverage: self.coverage,
-            marked: marked_task(world, truth.as_deref_mut(), &greedy, planned.as_ref(), rng)?,
-            greedy: greedy_score,
+            explored: self.coverage,
+            marked: marked_task(world, truth.as_deref_mut(), &actor, planned.as_ref(), rng)?,
+            alone,
             planned: planned_score,
             straight: self.straight_score(tasks)?,
             scenario: world.abilities().recorded.and_then(Recorded::scenario),
@@ -168,7 +168,7 @@ pub struct TaskWalk {
 fn marked_task(
     world: &dyn Environment,
     mut truth: Option<&mut (dyn GroundTruth + '_)>,
-    greedy: &Actor,
+    alone: &Actor,
     planned: Option<&Actor>,
     rng: &mut ChaCha8Rng,
 ) -> Result<Option<MarkedTask>, EnvError> {
@@ -189,8 +189,8 @@ fn marked_task(
             left_straight: Some(world.spec().goal_distance(walked.env.states(), &task.goal)),
         })
     };
-    let greedy = journey(greedy)?;
-    Ok(Some(MarkedTask { greedy, planned: planned.map(journey).transpose()? }))
+    let alone = journey(alone)?;
+    Ok(Some(MarkedTask { alone, planned: planned.map(journey).transpose()? }))
 }
 
 /// Compares D, and D along `graph`, with ground truth; returns `None` if there are no pairs.

@@ -8,20 +8,21 @@ use crate::env::{DistanceUnit, Task, TaskSet};
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    pub greedy: Score,
+    #[serde(alias = "greedy")]
+    pub alone: Score,
     /// Score with planning over bridge points, if the method plans.
     pub planned: Option<Score>,
-    /// Score of walking straight at the goal, if the world knows how: the floor for everything
-    /// learned.
+    /// Score of walking straight at the goal, if the world knows how: the floor for what is learned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub straight: Option<Score>,
     /// Error of D against ground truth, if that is known for any pair of states.
-    pub distance_error: Option<DistanceError>,
+    #[serde(alias = "distance_error")]
+    pub error: Option<DistanceError>,
     /// The bridge graph against ground truth, if there is a graph.
     pub bridges: Option<BridgeFacts>,
-    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells within
-    /// reach).
-    pub coverage: Option<f64>,
+    /// Share of the world that agents have explored, if defined (in a maze: of the cells in reach).
+    #[serde(alias = "coverage")]
+    pub explored: Option<f64>,
     /// The world's default task, if it has one (on a map: from its first start to its first goal).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub marked: Option<MarkedTask>,
@@ -34,7 +35,7 @@ impl Evaluation {
     pub fn success(&self, updates: u64) -> SuccessSummary {
         SuccessSummary {
             updates,
-            greedy: self.greedy.success,
+            alone: self.alone.success,
             planned: self.planned.as_ref().and_then(|score| score.success),
         }
     }
@@ -42,12 +43,12 @@ impl Evaluation {
     /// Returns the success rate with planning, or of the actor alone if the method does not plan;
     /// `None` without tasks.
     pub fn success_rate(&self) -> Option<f64> {
-        self.planned.as_ref().unwrap_or(&self.greedy).success
+        self.planned.as_ref().unwrap_or(&self.alone).success
     }
 
     /// Whether every number is finite: D may have diverged.
     pub fn is_finite(&self) -> bool {
-        let scores = std::iter::once(&self.greedy).chain(&self.planned).chain(&self.straight);
+        let scores = std::iter::once(&self.alone).chain(&self.planned).chain(&self.straight);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
             let of_distance =
@@ -55,18 +56,19 @@ impl Evaluation {
             let ratios = [*success, *spl, *steps_ratio];
             by_distance.iter().flat_map(of_distance).chain(ratios).flatten().collect::<Vec<_>>()
         };
-        let errors = self.distance_error.iter().flat_map(|error| {
+        let errors = self.error.iter().flat_map(|error| {
             let DistanceError { mape, near_mape, bias, spearman, graph } = error;
             let graph = graph.iter().flat_map(|graph| [graph.mape, graph.near_mape, graph.bias]);
             graph.chain([*mape, *near_mape, *bias, *spearman]).collect::<Vec<_>>()
         });
-        scores.flat_map(of_score).chain(errors).chain(self.coverage).all(f64::is_finite)
+        scores.flat_map(of_score).chain(errors).chain(self.explored).all(f64::is_finite)
     }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarkedTask {
-    pub greedy: TaskOutcome,
+    #[serde(alias = "greedy")]
+    pub alone: TaskOutcome,
     /// Result with planning over bridge points, if the method plans.
     pub planned: Option<TaskOutcome>,
 }
@@ -77,8 +79,7 @@ pub struct TaskOutcome {
     pub steps: u32,
     /// True steps from the final state to the goal, if known.
     pub left_steps: Option<u32>,
-    /// Straight-line distance from the final state to the goal, in the world's unit of length;
-    /// older files do not have it.
+    /// Straight-line distance from the final state to the goal, in the world's unit, in newer files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub left_straight: Option<f32>,
 }
@@ -116,7 +117,8 @@ pub struct BridgeFacts {
 pub struct SuccessSummary {
     pub updates: u64,
     /// Success rate of the actor alone; `None` if there were no tasks.
-    pub greedy: Option<f64>,
+    #[serde(alias = "greedy")]
+    pub alone: Option<f64>,
     /// Success rate with planning, if the method plans and there were tasks.
     pub planned: Option<f64>,
 }
@@ -126,8 +128,8 @@ impl fmt::Display for SuccessSummary {
         if let Some(planned) = self.planned {
             write!(f, "planned {planned:.2}, ")?;
         }
-        match self.greedy {
-            Some(greedy) => write!(f, "alone {greedy:.2}"),
+        match self.alone {
+            Some(alone) => write!(f, "alone {alone:.2}"),
             None => f.write_str("no tasks"),
         }
     }
@@ -137,11 +139,9 @@ impl fmt::Display for SuccessSummary {
 pub struct Score {
     /// Fraction of all tasks whose goal was reached in time; `None` if there are no tasks.
     pub success: Option<f64>,
-    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if there are tasks
-    /// and their shortest paths are known.
+    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if known for all.
     pub spl: Option<f64>,
-    /// Mean of steps / shortest over the successful tasks, if there are any and their shortest
-    /// paths are known.
+    /// Mean of steps / shortest over the successful tasks, if there are any, and it is known for all.
     pub steps_ratio: Option<f64>,
     pub by_distance: Vec<DistanceScore>,
 }

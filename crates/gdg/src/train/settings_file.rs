@@ -77,7 +77,7 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings> 
         apply_file(&mut values, path)?;
     }
     for assignment in overrides.set {
-        apply_assignment(&mut values, assignment, "--set ")?;
+        apply_assignment(&mut values, assignment, "")?;
     }
     checked(&values)
 }

@@ -26,13 +26,13 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("D loss", "critic: error of the distance D it learns"),
     ("f loss", "model f: error of the next state it predicts"),
     ("mu loss", "actor mu: mean D after its actions"),
-    ("success", "test walks that arrive: all, and near to far"),
+    ("success", "walks that arrive, of an evaluation: all, and near to far"),
     ("planned", "with waypoints planned over bridge points"),
     ("alone", "by the actor alone"),
     ("error of D", "mean error of D against the true steps"),
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
-    ("next test", "when they are measured again"),
+    ("evaluation", "when they are measured again"),
     ("saved", "when its program saved what is shown"),
     ("explored", "visited share of the reachable cells"),
     ("achieved", "the part of the state that the goal is about"),
@@ -66,10 +66,10 @@ pub fn scores(screen: &Screen) -> [Number; 3] {
         Some((_, None)) => (name, "no tasks".to_owned(), String::new()),
         None => (name, "-".to_owned(), String::new()),
     };
-    let error = found.and_then(|found| found.distance_error);
+    let error = found.and_then(|found| found.error);
     [
         score("planned", found.and_then(|found| found.planned.as_ref())),
-        score("alone", found.map(|found| &found.greedy)),
+        score("alone", found.map(|found| &found.alone)),
         ("error of D", error.map_or("-".to_owned(), |error| percent(error.mape)), String::new()),
     ]
 }
@@ -145,28 +145,25 @@ fn losses(screen: &Screen, all: bool) -> Vec<Line<'static>> {
 }
 
 fn success(screen: &Screen, all: bool) -> Vec<Line<'static>> {
-    let mut lines = Vec::new();
-    if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
-        let title = distances(&evaluation.greedy.by_distance);
-        lines.push(Line::styled(format!(" {:<11}all  {title}", "success"), BOLD));
-        let known = scores(screen).into_iter().filter(|(_, value, _)| value != "-");
-        lines.extend(known.map(number));
-        let graph = evaluation.distance_error.and_then(|error| error.graph).filter(|_| all);
+    let found = screen.snapshot.evaluation();
+    let title = found.map_or("not evaluated yet".to_owned(), |(_, evaluation)| {
+        format!("all  {}", distances(&evaluation.alone.by_distance))
+    });
+    let mut lines = vec![Line::styled(format!(" {:<11}{title}", "success"), BOLD)];
+    lines.extend(scores(screen).into_iter().filter(|(_, value, _)| value != "-").map(number));
+    if let Some((updates, evaluation)) = found.filter(|_| all) {
+        let graph = evaluation.error.and_then(|error| error.graph);
         lines.extend(graph.map(|graph| fact("via graph", percent(graph.mape))));
-        if all {
-            let at = grouped(screen.snapshot.learned(*updates));
-            lines.push(fact("evaluated", format!("at update {at}")));
-        }
-        lines.push(next(screen));
-        // Coverage is known between evaluations as well.
-        let seen = screen.snapshot.coverage();
-        let explored = |seen| fact("explored", format!("{:.0} % in reach", 100.0 * seen));
-        lines.extend(seen.last().map(|(_, seen)| explored(*seen)));
-    } else {
-        lines.push(fact("success", "not evaluated yet"));
-        lines.extend(screen.elsewhere.iter().map(|_| Line::raw(" (--eval-every-updates N)")));
-        lines.push(next(screen));
+        let at = grouped(screen.snapshot.learned(*updates));
+        lines.push(fact("evaluated", format!("at update {at}")));
     }
+    let how = screen.elsewhere.as_ref().filter(|_| found.is_none());
+    lines.extend(how.map(|_| Line::raw(" (--eval-every-updates N)")));
+    lines.push(next(screen));
+    // Known between evaluations as well.
+    let seen = screen.snapshot.coverage();
+    let explored = |seen| fact("explored", format!("{:.0} % in reach", 100.0 * seen));
+    lines.extend(seen.last().map(|(_, seen)| explored(*seen)));
     lines
 }
 
@@ -177,19 +174,19 @@ fn next(screen: &Screen) -> Line<'static> {
         return fact("saved", saved.clone());
     }
     if !screen.snapshot.learns {
-        return fact("next test", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
+        return fact("evaluation", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
     }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running(_) => {
             let long = screen.evaluating.as_ref();
             let long = long.map_or(" now".to_owned(), |so_far| format!(", {so_far}"));
-            return fact("next test", format!("running{long}"));
+            return fact("evaluation", format!("running{long}"));
         }
         _ if !screen.snapshot.phase.is_training() => "paused".to_owned(),
         NextEvaluation::InSeconds(seconds) => format!("in {seconds} s"),
         NextEvaluation::AtUpdate(updates) => format!("at {}", short(updates as f64)),
     };
-    fact("next test", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
+    fact("evaluation", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
 }
 
 /// Returns the title of success by distance: the nearest and the farthest.

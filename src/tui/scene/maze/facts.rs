@@ -1,14 +1,14 @@
 //! Texts about a maze: about a cell, the scale, and in the legend.
 
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 
 use super::MazeState;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::short;
-use crate::tui::scene::legend::{edge_lines, sample, sign};
+use crate::tui::scene::legend::{edge_lines, sign, signs};
 use crate::tui::scene::overlays::{FRONTIER_SIGN, TRAIL_MARK};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb};
+use crate::tui::theme::ColourDepth;
 use gdg::map::Cell;
 
 /// Describes the cell under the cursor or the mouse, walls and D first.
@@ -44,38 +44,28 @@ pub fn scaled_down_text(screen: &Screen, layout: &ScreenLayout) -> String {
 
 pub fn legend(maze: &MazeState, screen: &Screen) -> Vec<Line<'static>> {
     let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
+    let trail = (if mono { TRAIL_MARK } else { '\u{2500}' }, theme.walker, "trail of @");
     let pairs = [
         [('G', theme.goal, "goal"), ('S', theme.walker, "start of @")],
-        [('@', theme.walker, "walks to G"), ('s', theme.cursor, "g: file's S G")],
+        [('@', theme.walker, "walks to G"), trail],
     ];
     let mut lines: Vec<Line> = pairs.iter().map(|pair| signs(screen, pair)).collect();
+    if !maze.map.starts().is_empty() || !maze.map.goals().is_empty() {
+        lines.push(sign(screen, 's', theme.cursor, "g: S and G of the file"));
+    }
     if screen.run().method.bridges() {
         lines.push(sign(screen, FRONTIER_SIGN, theme.frontier, "frontier goals of agents"));
     }
     if maze.view.cut_off.contains(&true) {
         lines.push(sign(screen, '\\', theme.cursor, "hatched: no path to G"));
     }
-    let trail = (if mono { TRAIL_MARK } else { '\u{2500}' }, theme.walker, "trail of @");
-    let frontier = ('\u{2500}', theme.frontier, "frontier");
-    let has_edge = !mono && !maze.view.exploration.is_complete(&maze.map);
-    lines.push(signs(screen, &[trail, frontier][..=usize::from(has_edge)]));
+    if !mono && !maze.view.exploration.is_complete(&maze.map) {
+        lines.push(sign(screen, '\u{2500}', theme.frontier, "frontier of visited places"));
+    }
     if screen.run().method.plans() {
         let graph = &maze.view.graph;
-        let names = ["edges walked, some shown", "failed", "untried, not shown"];
+        let names = ["edges walked", "failed", "untried, not shown"];
         lines.extend(edge_lines(screen, graph, names));
     }
     lines
-}
-
-fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
-    let mut line = Line::default();
-    for (symbol, rgb, meaning) in all {
-        let gap = if line.spans.is_empty() { " " } else { "  " };
-        line.extend([
-            Span::raw(gap),
-            sample(screen, *symbol, *rgb),
-            Span::raw(format!(" {meaning}")),
-        ]);
-    }
-    line
 }

@@ -9,7 +9,7 @@ use crate::tui::canvas::{self, Canvas, Ink, draw_contours};
 use crate::tui::choices::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::heading;
-use crate::tui::scene::ground::{self, Colours, Look};
+use crate::tui::scene::ground::{self, Colours, GroundKind, Look};
 use crate::tui::scene::legend::{contour_text, draw_scale, edge_lines, sign};
 use crate::tui::scene::overlays::Painter;
 use crate::tui::scene::{Drawing, SceneKind};
@@ -25,6 +25,9 @@ const JOINT_RADIUS: f32 = 0.016;
 const FINGER_RADIUS: f32 = 0.007;
 
 const CORNERS: usize = 120;
+
+/// What is within this part of the picture of a place that agents have visited counts as visited.
+const NEAR: f32 = 24.0;
 
 /// Draws the space into the first area, and the line below it into the second.
 pub fn draw([area, info]: [Rect; 2], state: &SpaceState, mut on: Drawing) {
@@ -198,17 +201,39 @@ fn draw_field(
     let (theme, farthest) = (painter.theme, state.own_farthest());
     let colours = Colours { theme: &theme, field: state.shown_field(screen), farthest };
     let (scene, near) = (&screen.snapshot.scene, vec![0.0; plane.across.len()]);
+    let visited = visited(painter, state);
     let looks = |y: usize, looks: &mut [Look]| {
         for (x, look) in looks.iter_mut().enumerate() {
             let is_wall = matches!(scene, WorldScene::Goals(_))
                 && !plane.is_open(y * columns + x, &near, scene);
-            *look = Look::plain(f32::from(u8::from(is_wall)));
+            let kind =
+                [GroundKind::Beyond, GroundKind::Plain][usize::from(visited[y * columns + x])];
+            *look = Look { kind, ..Look::plain(f32::from(u8::from(is_wall))) };
         }
     };
     ground::draw(&mut painter.canvas, field, &colours, looks, |_, _| false);
-    if let (Some(field), Some(interval)) = (field, layout.contour_interval) {
-        draw_contours(&mut painter.canvas, field, interval, &theme);
+    if let (Some((field, _)), Some(interval)) = (field, layout.contour_interval) {
+        let known = |(value, visited): (&f32, &bool)| if *visited { *value } else { f32::NAN };
+        let field: Vec<f32> = field.iter().zip(&visited).map(known).collect();
+        draw_contours(&mut painter.canvas, (&field, columns), interval, &theme);
     }
+}
+
+/// Returns which pixels show places near bridge candidates: agents have been there. All do where nothing is
+/// known of that, or it is not to be shown.
+fn visited(painter: &Painter, state: &SpaceState) -> Vec<bool> {
+    let ((columns, rows), known) = (painter.canvas.raster.pixels, &state.view.graph.candidates);
+    let is_hidden = state.is_arm || !painter.shows(Overlay::Unexplored);
+    let mut visited = vec![is_hidden || known.is_empty(); columns * rows];
+    let reach = columns.max(rows) as f32 / NEAR;
+    let end = |at: f32, all: usize| (at.max(0.0) as usize).min(all);
+    for at in known.iter().filter_map(|candidate| (painter.place)(&candidate.at)) {
+        let [x, y] = painter.canvas.pixel(at);
+        for first in (end(y - reach, rows)..end(y + reach, rows)).map(|row| row * columns) {
+            visited[first + end(x - reach, columns)..first + end(x + reach, columns)].fill(true);
+        }
+    }
+    visited
 }
 
 fn draw_box(painter: &mut Painter, corners: Corners, ink: Ink) {

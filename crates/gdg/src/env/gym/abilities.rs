@@ -90,9 +90,10 @@ impl Recorded for Gym {
 
     fn save(&self, store: &mut Store) {
         let (address, about) = (self.pool.address.clone(), self.pool.about.clone());
-        let found = (*self.found).clone();
+        let python = self.pool.options.python.as_ref().and_then(|path| path.to_str());
+        let (found, python) = ((*self.found).clone(), python.map(str::to_owned));
         // All its numbers are finite, so this cannot fail.
-        let _ = store.put_json(STORED, &Stored { address, found, about });
+        let _ = store.put_json(STORED, &Stored { address, found, about, python });
     }
 }
 

@@ -79,21 +79,14 @@ pub struct GymOptions {
     pub workers: usize,
     /// Longest time for any answer.
     pub timeout: Duration,
-    /// Whether worlds of checkpoints are only looked at: no process is started, and their agents
-    /// cannot act.
+    /// Whether worlds of checkpoints are only looked at, without a process: their agents cannot act.
     pub reads_only: bool,
 }
 
 impl Default for GymOptions {
     fn default() -> Self {
-        Self {
-            python: None,
-            goal: None,
-            goal_radius: None,
-            workers: 1,
-            timeout: Duration::from_mins(1),
-            reads_only: false,
-        }
+        let timeout = Duration::from_mins(1);
+        Self { python: None, goal: None, goal_radius: None, workers: 1, timeout, reads_only: false }
     }
 }
 
