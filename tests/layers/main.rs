@@ -22,7 +22,7 @@ const LIBRARY: [Room; 15] = [
     ("job", 358),
     ("files", 891),
     ("store", 268),
-    ("settings", 393),
+    ("settings", 392),
     ("map", 3_751),
     ("env", 6_543),
     ("learn", 8_823),
@@ -35,14 +35,14 @@ const LIBRARY: [Room; 15] = [
 
 /// The program's modules: each depends only on those before it, and on the library.
 const PROGRAM: [Room; 8] = [
-    ("process", 670),
-    ("setup", 861),
+    ("process", 667),
+    ("setup", 860),
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_663),
     ("tui", 19_237),
     ("cli", 601),
-    ("commands", 1_001),
+    ("commands", 999),
 ];
 
 /// What lies beside the modules.

@@ -60,7 +60,7 @@ impl std::ops::Deref for RunDescription {
 
 const CHECKPOINT: Wanted = Wanted {
     name: "a checkpoint",
-    help: "give the file of a checkpoint with its ending, e.g. saves/NAME.safetensors",
+    help: "give a checkpoint of gdg-tui with its ending, e.g. saves/NAME.safetensors",
     own: &[FileFormat::Safetensors],
 };
 
