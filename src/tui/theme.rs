@@ -60,8 +60,7 @@ const GHOST_TINT: f32 = 0.6;
 /// How much lighter distances are in the light theme.
 const LIGHT_TINT: f32 = 0.3;
 
-/// How far floor beyond the known world fades into the colour of unknown ground, and its hatching
-/// into the colour of walls.
+/// How far floor beyond the known world fades into unknown ground, and its hatching into walls.
 const FADE: f32 = 0.7;
 const HATCH: f32 = 0.5;
 
@@ -169,6 +168,7 @@ impl Theme {
                 page: Some(((30, 30, 34), (252, 252, 252))),
                 wall: (150, 150, 158),
                 unknown: (238, 238, 240),
+                agent: (30, 30, 34),
                 frontier: (0, 110, 200),
                 cursor: (20, 20, 20),
                 edges: [(0, 120, 50), (190, 30, 30), (130, 130, 140)],
