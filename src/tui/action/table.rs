@@ -87,10 +87,9 @@ impl Binding {
                 A::Toggle(Overlay::Ghost) => {
                     format!("{title}: the actor alone cannot begin in the state where a plan does")
                 }
-                own => format!(
-                    "{title} has no map, which {} is for",
-                    session.screen.keymap.key_of(own)
-                ),
+                own => {
+                    format!("{} is for maps: {title} has none", session.screen.keymap.key_of(own))
+                }
             };
             return session.screen.notify(&text);
         }

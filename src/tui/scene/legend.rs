@@ -226,7 +226,7 @@ fn difference(planned: u32, alone: u32) -> String {
 fn walk_of_actor(ghost: &Ghost) -> String {
     match ghost {
         ghost if ghost.arrived => format!("arrived, {}", counted(ghost.steps.into(), "step")),
-        ghost if stands(ghost) => format!("stands since {}", ghost.stands_since),
+        ghost if stands(ghost) => format!("stuck since step {}", ghost.stands_since),
         _ => "on its way".to_owned(),
     }
 }
@@ -242,10 +242,11 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     let arrived = format!("arrived, {}", counted(reach.steps.into(), "step"));
     let plan = if reach.arrived { &arrived } else { "on its way" };
     let full = format!("@ planned: {plan}; a, the actor alone: {actor}");
-    let short = full.replace(", the actor", "").replace(" steps", "");
     let both = reach.arrived && ghost.arrived;
     let who = both.then(|| format!("{full}: {}", difference(reach.steps, ghost.steps)));
-    Some(who.into_iter().chain([full, short]).collect())
+    let short = format!("@ {plan}; a alone: {actor}").replace("arrived, ", "");
+    let least = short.replace(" alone:", "");
+    Some(who.into_iter().chain([full, short, least]).collect())
 }
 
 /// Returns the lines about the walking agent, the same ones for every method and at any time.

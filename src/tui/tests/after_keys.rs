@@ -69,7 +69,7 @@ const HUGE: (u16, u16) = (200, 60);
 const ROWS: &[ScreenTest] = &[
     // What a screen has room for.
     (Run, SMALL, "", &["Space pause", "n goal", "v view", "e edit", "? help"], &[]),
-    (Run, HUGE, "", &["elapsed", "waypoint", "exploring", "q quit"], &["D loss"]),
+    (Run, HUGE, "", &["elapsed", "waypoint", "exploring", "q quit"], &["critic: error"]),
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
     (Wide, SMALL, "", &["1 dot = "], &[]),
     (First, SMALL, "", &["light = near G", "click: a new goal", "? help"], &[]),
@@ -114,7 +114,7 @@ const ROWS: &[ScreenTest] = &[
     (Run, (66, 20), "", &["unsaved"], &[" saved"]),
     (New, NARROW, "M", &["0:00:00 gdg-bridge on rooms, 20 x 5 cells", "(update"], &["accept"]),
     (New, SMALL, "z", &["updates", "replay"], &["D to G"]),
-    (Run, SMALL, "z", &["D loss", "critic: error of the distance D it learns"], &[]),
+    (Run, SMALL, "z", &["loss of D", "critic: error of the distance D it learns"], &[]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, ":marker{enter}", &["marker: pixels (not supported here"], &[]),
     (Run, LARGE, "v", &["D from S"], &[]),

@@ -23,9 +23,9 @@ pub const MEANINGS: [(&str, &str); 23] = [
     ("steps", "steps of all agents so far, and per second"),
     ("episodes", "episodes of all agents so far"),
     ("replay", "transitions stored, of its capacity"),
-    ("D loss", "critic: error of the distance D it learns"),
-    ("f loss", "model f: error of the next state it predicts"),
-    ("mu loss", "actor mu: mean D after its actions"),
+    ("loss of D", "critic: error of the distance D it learns"),
+    ("loss of f", "model f: error of the next state it predicts"),
+    ("loss of mu", "actor mu: mean D after its actions"),
     ("success", "walks that arrive, of an evaluation: all, and near to far"),
     ("planned", "with waypoints planned over bridge points"),
     ("alone", "by the actor alone"),
@@ -137,9 +137,9 @@ fn losses(screen: &Screen, all: bool) -> Vec<Line<'static>> {
     }
     let Losses { critic, model, actor, .. } = snapshot.losses;
     let lines = [
-        Losses::known(critic).map(|loss| fact("D loss", format!("{loss:.4}"))),
-        Losses::known(model).map(|loss| fact("f loss", format!("{loss:.4}"))),
-        Losses::known(actor).map(|loss| fact("mu loss", format!("{loss:.1} steps"))),
+        Losses::known(critic).map(|loss| fact("loss of D", format!("{loss:.4}"))),
+        Losses::known(model).map(|loss| fact("loss of f", format!("{loss:.4}"))),
+        Losses::known(actor).map(|loss| fact("loss of mu", format!("{loss:.1} steps"))),
     ];
     lines.into_iter().flatten().collect()
 }
