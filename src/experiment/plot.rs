@@ -204,8 +204,7 @@ pub fn draw(runs: &[SavedRun], options: &PlotOptions) -> Result<DrawnPlot, Repor
     let (lines, label) = lines::lines(runs, &grouping, options, &mut notes)?;
     let ends = lines.iter().flat_map(|line| line.seeds.values()).filter_map(|points| points.last());
     let x = [0.0, ends.map(|point| point.0).fold(0.0, f64::max)];
-    let mut charts = lines::charts(&lines, options, x);
-    charts.iter_mut().for_each(|chart| chart.labels[1].clone_from(&label));
+    let charts = lines::charts(&lines, options, &label, x);
     let table = table(&lines, [options.x.name(), options.y.name()], x)?;
     let columns = (options.width / PANEL_WIDTH).floor().max(1.0) as usize;
     let title = format!("{label} over {}", options.x.label());

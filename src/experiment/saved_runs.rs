@@ -36,7 +36,7 @@ const QUIET: Duration = Duration::from_mins(1);
 /// A file that has been empty for this long is no run that has just begun.
 const BEGINS: Duration = Duration::from_secs(10);
 
-/// Jobs save more often than this.
+/// Jobs save more often than this, and so do interfaces by themselves.
 const MOST_BETWEEN_SAVES: Duration = Duration::from_mins(15);
 
 const HELP: &str = "give a folder of gdg-tui suite or reproduce, a folder of checkpoints, a \
@@ -170,10 +170,10 @@ impl SavedRun {
         // Some times the time between two of its records.
         let seconds = 3.0 * PROGRESS_EVERY_UPDATES as f64 / self.progress.updates_per_second;
         let pause = Duration::try_from_secs_f64(seconds).unwrap_or_default();
-        let is_job = self.kind == RunKind::Checkpoint && is_within(MOST_BETWEEN_SAVES);
+        let (is_job, is_new) = (self.kind == RunKind::Checkpoint, is_within(MOST_BETWEEN_SAVES));
         let is_open = || self.others.iter().chain([&self.source]).any(|file| is_in_use(file));
         match self.end {
-            Some(_) if is_job && is_held() || is_open() => RunState::Running,
+            Some(_) if is_new && (is_job && is_held() || is_open()) => RunState::Running,
             Some(end) => end,
             None if self.method.is_empty() && !is_within(BEGINS) => RunState::CutOff,
             None if is_within(QUIET.max(pause)) || is_in_use(&self.source) => RunState::Running,

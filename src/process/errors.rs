@@ -12,7 +12,7 @@ use gdg::text::{Excerpt, sanitized, sanitized_lines, terminal_obeys_escapes, tru
 use gdg::train::{CheckpointError, ConfigError, TrainError};
 
 /// Maximum number of characters of a message and of each of its causes.
-const MAX_CHARS: usize = 2000;
+const MOST: usize = 2000;
 
 /// Sets how errors are printed: without colours where the terminal has none, and in lines that break
 /// only at blanks, so that names and paths can be copied.
@@ -126,7 +126,7 @@ impl SourceCode for QuotedExcerpt {
 }
 
 fn sanitized_message(text: &str) -> String {
-    if text.len() > MAX_CHARS { truncated(text, MAX_CHARS) } else { sanitized_lines(text) }
+    if text.chars().count() > MOST { truncated(text, MOST) } else { sanitized_lines(text) }
 }
 
 #[cfg(test)]
@@ -144,7 +144,7 @@ mod tests {
         let help = ExplainedError::sanitized(&miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
         let long = ExplainedError::sanitized(&Report::msg("x".repeat(50_000_000)));
-        assert!(long.message.len() <= MAX_CHARS);
+        assert!(long.message.len() <= MOST);
     }
 
     #[test]

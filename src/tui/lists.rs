@@ -171,7 +171,7 @@ pub fn settings(screen: &Screen) -> Picker {
     Picker::new(title, setting_items(screen))
 }
 
-pub fn setting_items(screen: &Screen) -> Vec<Item> {
+fn setting_items(screen: &Screen) -> Vec<Item> {
     let run = screen.run();
     let values = list_settings(&run.settings)
         .into_iter()

@@ -39,7 +39,7 @@ const PROGRAM: [Room; 8] = [
     ("setup", 860),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_663),
+    ("experiment", 5_665),
     ("tui", 19_237),
     ("cli", 601),
     ("commands", 999),

@@ -137,8 +137,8 @@ impl SeedCurves {
     }
 }
 
-/// Returns the charts of lines, in the order in which they first appear.
-pub fn charts(lines: &[SeedCurves], options: &PlotOptions, x: [f64; 2]) -> Vec<Chart> {
+/// Returns the charts of lines, in the order in which they first appear; their axis is labelled `y`.
+pub fn charts(lines: &[SeedCurves], options: &PlotOptions, y: &str, x: [f64; 2]) -> Vec<Chart> {
     let mut charts: Vec<Chart> = Vec::new();
     for line in lines {
         let curve = line.curve(x);
@@ -146,7 +146,7 @@ pub fn charts(lines: &[SeedCurves], options: &PlotOptions, x: [f64; 2]) -> Vec<C
             Some(chart) => chart.curves.push(curve),
             None => charts.push(Chart {
                 title: line.chart.clone(),
-                labels: [options.x.label(), options.y.label()].map(str::to_owned),
+                labels: [options.x.label(), y].map(str::to_owned),
                 x,
                 top: 1.0,
                 curves: vec![curve],

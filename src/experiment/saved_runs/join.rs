@@ -321,7 +321,7 @@ mod tests {
             let runs = vec![Arc::new(SavedRun { end, ..first.clone() }), Arc::new(checkpoint(at))];
             join(runs).remove(0).end
         };
-        assert_eq!(end(Some(RunState::Ended), &[1, 3]), Some(RunState::Ended), "it was resumed");
+        assert_eq!(end(Some(RunState::Interrupted), &[1, 3]), Some(RunState::Ended), "resumed");
         assert_eq!(end(None, &[1, 3]), None, "a checkpoint is written between two records");
     }
 }

@@ -141,7 +141,7 @@ fn with_folders_below(folder: &Path) -> Vec<PathBuf> {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::{create_dir_all, remove_file, write};
+    use std::fs::{File, create_dir_all, remove_file, write};
     use std::time::SystemTime;
 
     use tempfile::TempDir;
@@ -253,6 +253,9 @@ mod tests {
         assert_eq!([1, 20].map(state), [RunState::Running, RunState::Ended]);
         remove_file(folder.path().join("job.lock")).expect("a file");
         assert_eq!(state(1), RunState::Ended);
+        let held = File::create(&source).expect("a file");
+        held.lock().expect("a lock");
+        assert_eq!([1, 20].map(state), [RunState::Running, RunState::Ended], "in an interface");
     }
 
     #[test]

@@ -43,9 +43,9 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     // No more columns than there are panes for: the others are wider.
     let most = panes.len().div_ceil(rows);
     let columns = usize::from(body.width / MIN_COLUMN_WIDTH).clamp(1, most);
-    let text = panes.iter().filter_map(needed).sum::<usize>();
     // Charts get a column of their own if one has room for all that is text.
-    let stacks: Vec<&[Pane]> = if columns > 1 && text <= body.height.into() {
+    let text = || panes.iter().filter_map(needed).sum::<usize>();
+    let stacks: Vec<&[Pane]> = if columns > 1 && text() <= body.height.into() {
         panes.sort_by_key(|pane| *pane == Pane::Curves && chosen != Pane::Curves);
         panes.chunk_by(|a, b| [a, b].iter().all(|pane| **pane != Pane::Curves)).collect()
     } else {

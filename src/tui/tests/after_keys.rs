@@ -182,7 +182,7 @@ const ROWS: &[ScreenTest] = &[
     (List, SMALL, "", &["planned", "alone", "state", "by written\u{2193}"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
     (List, LARGE, "d", &["delete 1 file?", "d delete", "n stay"], &["type to search"]),
-    (List, SMALL, "?", &["mark", "m"], &[]),
+    (List, SMALL, "?", &["mark the selected run", "...  m"], &[]),
     (List, LARGE, "?mark{enter}", &["\u{2500} A "], &[]),
 ];
 
