@@ -243,6 +243,9 @@ pub fn lost(snapshot: &Snapshot, is_map_edited: bool) -> String {
             let name = name.to_string_lossy();
             format!("keeps autosave {name}, loses {} updates after it{also}", grouped(lost))
         }
+        None if lost == 0 && snapshot.has_unsaved_evaluation() => {
+            format!("an evaluation{also} {} lost", if is_map_edited { "are" } else { "is" })
+        }
         None if lost == 0 => format!("unsaved steps or settings{also} are lost"),
         None => format!("{} unsaved updates{also} are lost", grouped(lost)),
     }

@@ -8,7 +8,7 @@ use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -103,11 +103,10 @@ impl Engine {
     ) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
         at_first.into_iter().for_each(|command| drop(commands.try_send(command)));
-        let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
         let job = Job::default();
         trainer.set_job(job.clone());
-        let saved_seconds = if saved.is_some() { trainer.seconds() } else { 0.0 };
-        let first = Snapshot { limits, saved, saved_seconds, ..Snapshot::capture(&trainer)? };
+        let mut first = Snapshot { limits, ..Snapshot::capture(&trainer)? };
+        file.into_iter().for_each(|file| first.set_saved(Arc::new(file)));
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = TrainingThread {
             trainer,
@@ -311,19 +310,16 @@ impl TrainingThread {
             let waiting = !self.current.phase.is_training();
             let until_update =
                 self.next_update_at.map(|at| at.saturating_duration_since(Instant::now()));
-            let until_update = until_update.filter(|wait| !wait.is_zero());
-            let command = match (waiting, until_update) {
-                (false, None) => self.inbox.try_recv(),
-                (false, Some(wait)) => as_try_recv(self.inbox.recv_timeout(wait)),
-                (true, _) if self.evaluation.is_none() => {
-                    self.inbox.recv().map_err(|_| TryRecvError::Disconnected)
-                }
-                (true, _) => as_try_recv(self.inbox.recv_timeout(POLL_INTERVAL)),
+            let command = if waiting && self.evaluation.is_none() {
+                self.inbox.recv().map_err(|_| RecvTimeoutError::Disconnected)
+            } else {
+                let wait = if waiting { POLL_INTERVAL } else { until_update.unwrap_or_default() };
+                self.inbox.recv_timeout(wait)
             };
             match command {
                 Ok(command) => self.execute_latest(command),
-                Err(TryRecvError::Disconnected) => return false,
-                Err(TryRecvError::Empty) => {
+                Err(RecvTimeoutError::Disconnected) => return false,
+                Err(RecvTimeoutError::Timeout) => {
                     self.collect_evaluation();
                     if !waiting {
                         return true;
@@ -426,15 +422,6 @@ impl TrainingThread {
         self.current.next_evaluation = self.next_evaluation();
         self.publish();
     }
-}
-
-fn as_try_recv(
-    command: Result<EngineCommand, RecvTimeoutError>,
-) -> Result<EngineCommand, TryRecvError> {
-    command.map_err(|e| match e {
-        RecvTimeoutError::Timeout => TryRecvError::Empty,
-        RecvTimeoutError::Disconnected => TryRecvError::Disconnected,
-    })
 }
 
 #[cfg(test)]

@@ -124,8 +124,7 @@ impl TrainedElsewhere {
             }
         }
         // Nothing of it is this program's to save.
-        now.saved_seconds = now.seconds;
-        now.saved = now.saved.map(|(_, file)| (now.counters.updates, file));
+        now.saved.take().into_iter().for_each(|(_, file)| now.set_saved(file));
         now
     }
 

@@ -273,10 +273,14 @@ fn is_unsaved(cx: &Cx) -> bool {
 }
 
 fn has_unsaved_changes(cx: &Cx) -> bool {
-    cx.screen.snapshot.has_unsaved_settings() || cx.scene.has_unsaved_map()
+    let snapshot = &cx.screen.snapshot;
+    snapshot.has_unsaved_settings()
+        || snapshot.has_unsaved_evaluation()
+        || cx.scene.has_unsaved_map()
 }
 
-/// Whether enough is unsaved to ask about it: training, or any change of the map or the settings.
+/// Whether enough is unsaved to ask about it: training, any change of the map or the settings, or an
+/// evaluation of what was saved.
 pub fn is_worth_saving(cx: &Cx) -> bool {
     cx.screen.snapshot.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
 }

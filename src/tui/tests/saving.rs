@@ -169,8 +169,7 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
 fn saved_app() -> Still {
     let mut app = staged_app(80, 24);
     app.change_snapshot(|saved| {
-        saved.saved = Some((saved.counters.updates, Arc::new("saves/kept.safetensors".into())));
-        saved.saved_seconds = saved.seconds;
+        saved.set_saved(Arc::new("saves/kept.safetensors".into()));
     });
     app
 }
@@ -183,6 +182,19 @@ fn a_setting_changed_since_the_last_save_is_asked_about_and_saved_on_a_signal() 
     assert_eq!(app.screen.dialogs.len(), 1);
     app.on_signal();
     assert!(app.saver.named.is_some());
+}
+
+#[test]
+fn an_evaluation_after_the_last_save_is_asked_about() {
+    let mut app = saved_app();
+    app.change_snapshot(|latest| {
+        let again = latest.evaluations.last().expect("one").clone();
+        Arc::make_mut(&mut latest.evaluations).push(again);
+    });
+    assert!(!app.screen.snapshot.has_unsaved_evaluation(), "the file has one of this update");
+    app.change_snapshot(|latest| latest.saved_evaluation = None);
+    app.act(Action::Quit);
+    assert!(shown_by(&mut app, 80, 24).contains("an evaluation is lost"));
 }
 
 #[test]

@@ -164,17 +164,14 @@ impl TrainingThread {
         let path = self.write(&to, [], notes).inspect_err(|error| {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
-        let updates = self.trainer.counters().updates;
         let why = format!(" ({} {})", to.path().display(), to.obstacle());
         let why = if to.path() == path { "" } else { &why };
         let text = self.saved_text("saved", &path, why);
         if let SaveTo::CreateNew(requested) = to {
             self.new_file = Some((requested, path.clone()));
         }
-        self.current.saved = Some((updates, Arc::new(path)));
-        self.current.saved_seconds = self.trainer.seconds();
-        // Saving may have rolled back, which changes settings.
-        self.current.saved_run = Arc::new(self.trainer.run().clone());
+        self.current.update(&self.trainer);
+        self.current.set_saved(Arc::new(path));
         Ok(text)
     }
 
@@ -335,9 +332,7 @@ impl TrainingThread {
             self.current.phase = Phase::Paused;
         }
         let text = format!("loaded {}", path.display());
-        let updates = self.trainer.counters().updates;
-        self.current.saved = Some((updates, Arc::new(path)));
-        self.current.saved_seconds = self.trainer.seconds();
+        self.current.set_saved(Arc::new(path));
         Ok(text)
     }
 }

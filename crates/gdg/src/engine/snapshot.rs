@@ -118,6 +118,8 @@ pub struct Snapshot {
     pub saved_seconds: f64,
     /// The run as it was saved or loaded; its settings may have changed since.
     pub saved_run: Arc<Run>,
+    /// Update of the latest evaluation in that file.
+    pub saved_evaluation: Option<u64>,
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept, oldest first, and the updates in each.
     pub autosaves: Arc<Vec<(u64, PathBuf)>>,
@@ -180,6 +182,7 @@ impl Snapshot {
             notes: Arc::new(trainer.history().notes.clone()),
             saved: None,
             saved_seconds: 0.0,
+            saved_evaluation: None,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
             evaluation_progress: Job::default(),
@@ -191,7 +194,7 @@ impl Snapshot {
     }
 
     /// Captures what moves while `trainer` trains, but for what is slow to copy.
-    fn update(&mut self, trainer: &Trainer) {
+    pub(super) fn update(&mut self, trainer: &Trainer) {
         self.counters = trainer.counters();
         self.seconds = trainer.seconds();
         self.profile = *trainer.profile();
@@ -213,6 +216,13 @@ impl Snapshot {
         } else {
             (trainer.data().cloned().map(Arc::new), Arc::default(), Arc::default())
         };
+    }
+
+    /// Notes that `file` has all that is here.
+    pub fn set_saved(&mut self, file: Arc<PathBuf>) {
+        self.saved = Some((self.counters.updates, file));
+        (self.saved_seconds, self.saved_run) = (self.seconds, self.run.clone());
+        self.saved_evaluation = self.evaluations.last().map(|(updates, _)| *updates);
     }
 
     /// Returns how many of the first `updates` were done by a learner.
@@ -244,6 +254,13 @@ impl Snapshot {
     /// Whether a run that has been saved has other settings now.
     pub fn has_unsaved_settings(&self) -> bool {
         self.saved.is_some() && self.run != self.saved_run
+    }
+
+    /// Whether what was saved has been evaluated only afterwards.
+    pub fn has_unsaved_evaluation(&self) -> bool {
+        let last = self.evaluations.last().map(|(updates, _)| *updates);
+        let saved = self.saved.as_ref().map(|(updates, _)| *updates);
+        saved.is_some() && last == saved && self.saved_evaluation != saved
     }
 
     pub fn is_edited_since(&self, updates: u64) -> bool {
