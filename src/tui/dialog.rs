@@ -124,7 +124,7 @@ pub struct Prompt {
     pub title: String,
     /// What a valid answer looks like.
     pub hint: String,
-    /// What was wrong with the last answer, or what it would lose.
+    /// What was wrong with the last answer.
     pub error: Option<String>,
     pub question: Question,
     typed: Input,
@@ -202,6 +202,8 @@ pub enum Choice {
     /// networks.
     Change(Box<Run>),
     Act(Action),
+    /// Answers the question below, whatever that replaces.
+    Answer(String),
     /// Asks for a setting's new value.
     Setting(String),
     Method(Method),

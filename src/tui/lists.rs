@@ -153,7 +153,7 @@ pub fn methods(now: &Method, registry: &Registry) -> Picker {
             Item::new(method.name(), about, Choice::Method(method)).within("LEARNER+PLANNER")
         })
     });
-    let title = "continue with method (data is kept, networks where they fit)";
+    let title = "method (data is kept, networks where they fit)";
     let items = METHODS.iter().map(named).chain(others).collect();
     Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
@@ -161,14 +161,13 @@ pub fn methods(now: &Method, registry: &Registry) -> Picker {
 pub fn presets(now: Preset) -> Picker {
     let items =
         Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
-    let title = "continue with preset (data is kept, networks are reset)";
+    let title = "preset (data is kept, networks are reset)";
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
-    let title = "change a setting (* differs from its preset)";
-    Picker::new(title, setting_items(screen))
+    Picker::new("setting (* differs from its preset)", setting_items(screen))
 }
 
 fn setting_items(screen: &Screen) -> Vec<Item> {
@@ -212,7 +211,7 @@ pub fn quit_choices(lost: String, file: &Path) -> Picker {
         Item::new("quit without saving", lost, Choice::Quit { save: false }).on('d'),
         Item::new("stay", "", Choice::Nothing).on('n'),
     ];
-    Picker::new("quit? not all is saved", items)
+    Picker::new("quit without saving?", items)
 }
 
 /// Asks whether to delete files; nothing is lost unless that is chosen.
@@ -227,8 +226,9 @@ pub fn deletion(what: &str, names: String) -> Picker {
 
 pub fn quit_comparison() -> Picker {
     let items = vec![
+        Item::new("save the map first", "", Choice::Act(Action::SaveMap)).on('y'),
         Item::new("quit", "map edits are lost", Choice::Quit { save: false }).on('d'),
-        Item::new("stay", "ctrl-w saves the map", Choice::Nothing).on('n'),
+        Item::new("stay", "", Choice::Nothing).on('n'),
     ];
     Picker::new("quit without saving the map?", items)
 }
@@ -272,12 +272,35 @@ pub fn leave(
     Picker::new(title, save.into_iter().chain([begin, stay]).collect())
 }
 
+/// Asks whether to write what would replace the files `there`, or lose something; as `other`, it loses
+/// nothing.
+pub fn replacement(
+    there: Option<String>,
+    lost: Option<String>,
+    answer: &str,
+    other: String,
+) -> Picker {
+    let [title, label] = match there {
+        Some(_) => ["replace what is there?", "replace"],
+        None => ["save without all of it?", "save it so"],
+    };
+    let what: Vec<String> = there.into_iter().chain(lost).collect();
+    let so = Choice::Answer(answer.to_owned());
+    let items = vec![
+        Item::new("save under another name", other.clone(), Choice::Answer(other)).on('y'),
+        Item::new(label, what.join("; "), so).on('d'),
+        Item::new("stay", "", Choice::Nothing).on('n'),
+    ];
+    Picker::new(title, items)
+}
+
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let to = format!("to {}, from where it can be resumed", file.display());
     let items = vec![
         Item::new("save and quit", to, Choice::Quit { save: true }).on('y'),
         Item::new("stay", "to inspect, save, or load a checkpoint", Choice::Nothing).on('n'),
     ];
+    let title = format!("{title}: save and quit?");
     Picker::new(title, items).explaining(format!("{problem}\n{hint}"))
 }
 
@@ -289,7 +312,7 @@ pub fn map_switch(
     fitted: Option<Grid>,
     lost: Option<String>,
 ) -> Picker {
-    let title = format!("{} ({} x {})", map.name(), map.width(), map.height());
+    let title = format!("open {}? ({} x {})", map.name(), map.width(), map.height());
     let start = Choice::StartOn(map.clone());
     let mut picker = leave(title, "start a new run on it", "new networks", start, lost);
     let continued = |label, about, map| Item::new(label, about, Choice::ContinueOn(map)).on('c');
@@ -331,7 +354,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
             false => Item::new(name, "map", Choice::OpenMap(path.clone())),
         });
     }
-    Picker::new(format!("open a map: {}", folder.display()), items)
+    Picker::new(format!("map ({})", folder.display()), items)
 }
 
 /// Lists messages, the latest first, with their moments in seconds of training; the selected one with
@@ -362,5 +385,5 @@ pub fn checkpoints(mut found: Vec<Arc<SavedRun>>) -> Picker {
         };
         item.within(format!(" {}", rows[0]))
     };
-    Picker::new("load a checkpoint", found.iter().zip(&rows[1..]).map(item).collect())
+    Picker::new("checkpoint", found.iter().zip(&rows[1..]).map(item).collect())
 }

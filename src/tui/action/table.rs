@@ -339,7 +339,7 @@ const MAP_EDITOR: &[Binding] = &[
     edit(A::Undo, "undo", &["u"]).about("undo an edit", "revert back"),
     edit(A::Redo, "redo", &["ctrl-r"]).about("redo an edit", "repeat again"),
     scene(A::SaveMap, "save-map", &["ctrl-w"])
-        .about("write the map to a file", "save export store world")
+        .about("save the map to a file", "write export store world")
         .first(),
     bind(A::OpenMap, "open-map", &["shift-o"], |s, _| disk::pick_map(s, None))
         .about("open another map", "load file choose switch world random empty new create arm"),
@@ -349,10 +349,8 @@ const FILES: &[Binding] = &[
     watch(A::Save, "save", &["s"], |s, _| _ = s.saver.save(&mut s.cx))
         .about("save a checkpoint", "store write keep networks model weights")
         .short("save"),
-    bind(A::SaveAs, "save-as", &[], |s, _| {
-        s.open(s.saver.ask_file("save the checkpoint as"));
-    })
-    .about("save a checkpoint under a name", "store write copy rename"),
+    bind(A::SaveAs, "save-as", &[], |s, _| s.open(s.saver.ask_file("name of the checkpoint")))
+        .about("save a checkpoint under a name", "store write copy rename"),
     bind(A::TrainCopy, "train-copy", &["shift-c"], |s, _| s.ask_for_copy())
         .within(Mode::Elsewhere)
         .about("train a copy of the run that another program trains", "fork continue resume own")

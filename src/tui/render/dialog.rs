@@ -67,9 +67,7 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     let above = text.len() as u16;
     let below = rows_below(picker, columns, labels).min(room.saturating_sub(above + MIN_ROWS));
     let wanted = all_rows.saturating_add(2 + search_rows + above + below);
-    let top = if picker.is_question() { height.min(wanted) } else { height };
-    let dialog_area = middle(area, width as u16, top);
-    let dialog_area = Rect { height: height.min(wanted), ..dialog_area };
+    let dialog_area = place(area, width as u16, wanted);
     let accepts = picker.is_question() || picker.choice().is_some_and(|c| *c != Choice::Nothing);
     let inner = draw_box(frame, dialog_area, &picker.title, accepts, layout);
     let [top, line, list, below] = Layout::vertical([
@@ -102,6 +100,12 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
         frame.render_widget(Paragraph::new(text).block(Block::new().borders(Borders::TOP)), below);
     }
     layout.rows = (list, first);
+}
+
+/// Returns the place of a dialog: all begin in the same row.
+fn place(area: Rect, width: u16, height: u16) -> Rect {
+    let most = MAX_LIST_SIZE.1.min(area.height.saturating_sub(2));
+    Rect { height: height.min(most), ..middle(area, width, most) }
 }
 
 /// Returns the text above a list in up to `most` lines, and an empty one; the log has all of it.
@@ -210,7 +214,7 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     let columns = usize::from(width.saturating_sub(2)).max(1);
     let most = usize::from(area.height.saturating_sub(4));
     let text = first_lines(wrapped(text, columns), most, columns);
-    let dialog_area = middle(area, width, 4 + text.len() as u16);
+    let dialog_area = place(area, width, 4 + text.len() as u16);
     let inner = draw_box(frame, dialog_area, &prompt.title, true, layout);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)])

@@ -316,7 +316,7 @@ impl MazeState {
         let stem = self.map.name().trim_end_matches("-edited");
         let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
         let hint = "NAME.map: Moving AI, without S and G; NAME.txt: plain text";
-        screen.open(Prompt::new(Question::SaveMap, "save the map as", hint, name));
+        screen.open(Prompt::new(Question::SaveMap, "name of the map's file", hint, name));
     }
 
     fn random_cell(&self, screen: &mut Screen) -> Cell {

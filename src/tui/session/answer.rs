@@ -9,10 +9,10 @@ use ratatui::layout::Position;
 use super::disk::{self, checkpoint_file};
 use super::saving::unsaved;
 use super::{Cx, Session, change_run, watching};
-use crate::tui::dialog::{Choice, Dialog, Prompt, Question, Reply};
+use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, Reply};
 use crate::tui::lists;
 use gdg::engine::EngineCommand;
-use gdg::files::check_name;
+use gdg::files::{check_name, unused_path};
 use gdg::map::{Grid, format_for, load_map};
 use gdg::train::{Run, SaveTo, is_checkpoint, with_setting};
 
@@ -46,7 +46,9 @@ impl Session {
 
     pub fn dismiss(&mut self) {
         self.screen.dialogs.pop();
-        self.saver.cancel_quit(&mut self.cx);
+        if self.screen.dialogs.is_empty() {
+            self.saver.cancel_quit(&mut self.cx);
+        }
     }
 
     /// Accepts the answer to the topmost dialog; returns what has been picked from a list.
@@ -66,16 +68,23 @@ impl Session {
         None
     }
 
-    fn accept(&mut self, mut prompt: Prompt) {
+    /// Carries out what has been typed; asks first if that would replace or lose something.
+    fn accept(&mut self, prompt: Prompt) {
         let typed = prompt.typed().0.trim().to_owned();
-        let done = warning(&prompt.question, &typed, &self.cx).and_then(|warning| match warning {
-            // Accepting it again confirms it.
-            Some(warning) if prompt.error.as_ref() != Some(&warning) => Err(warning),
-            _ => self.apply(&prompt.question, &typed),
-        });
-        if let Err(problem) = done {
-            prompt.error = Some(problem);
-            self.screen.dialogs.push(Dialog::Ask(prompt));
+        let done = match doubt(&prompt.question, &typed, &self.cx) {
+            Ok(Some(question)) => {
+                return self.screen.dialogs.extend([prompt.into(), question.into()]);
+            }
+            Ok(None) => self.apply(&prompt.question, &typed),
+            Err(problem) => Err(problem),
+        };
+        self.close_if(done, prompt);
+    }
+
+    fn close_if(&mut self, done: Result<(), String>, mut prompt: Prompt) {
+        prompt.error = done.err();
+        if prompt.error.is_some() {
+            self.open(prompt);
         }
     }
 
@@ -84,6 +93,12 @@ impl Session {
         match choice {
             Choice::SaveFirst(then) => saver.save_then(*then, cx),
             Choice::Act(action) => self.act(action),
+            Choice::Answer(answer) => {
+                if let Some(Dialog::Ask(prompt)) = cx.screen.dialogs.pop() {
+                    let done = self.apply(&prompt.question, &answer);
+                    self.close_if(done, prompt);
+                }
+            }
             Choice::Setting(name) => change_run::ask_setting(name, cx),
             Choice::Method(method) => {
                 let registry = cx.screen.snapshot.registry.clone();
@@ -113,7 +128,8 @@ impl Session {
             }
             Choice::OpenWorld(name) => {
                 let (begin, choice) = (format!("start a new run on {name}"), Choice::StartIn(name));
-                cx.screen.open(lists::leave(name, &begin, "new networks", choice, unsaved(cx)));
+                let title = format!("open {name}?");
+                cx.screen.open(lists::leave(title, &begin, "new networks", choice, unsaved(cx)));
             }
             Choice::StartIn(name) => change_run::start_in(name, cx),
             Choice::Restart(seed) => change_run::restart(seed, cx),
@@ -161,8 +177,8 @@ impl Session {
     }
 }
 
-/// Says what an answer would replace or lose, which has to be confirmed.
-fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, String> {
+/// Returns the question to answer first if an answer would replace or lose something.
+fn doubt(question: &Question, typed: &str, cx: &Cx) -> Result<Option<Picker>, String> {
     let file = match question {
         Question::SaveMap => disk::map_file(typed),
         Question::SaveAs => match checkpoint_file(typed) {
@@ -173,19 +189,18 @@ fn warning(question: &Question, typed: &str, cx: &Cx) -> Result<Option<String>, 
         },
         Question::Setting(_) => return Ok(None),
     };
-    let (mut files, mut lost) = (vec![file], None);
+    let (mut files, mut lost, mut other) = (vec![file.clone()], None, file);
     if *question == Question::SaveMap {
-        files.extend(format_for(&files[0]).image_of(&files[0]));
+        files.extend(format_for(&other).image_of(&other));
         let is_other = |file: &&PathBuf| file.is_file() && load_map(file).is_err();
         if let Some(other) = files.iter().find(is_other) {
             return Err(format!("{} cannot be read as a map: give another name", other.display()));
         }
-        lost = disk::loss(cx, &files[0]);
+        (lost, other) = disk::loss(cx, other);
     }
-    let lost = lost.map(|lost| format!("{lost}; Enter again writes it without them"));
     let there = files.iter().filter(|file| file.is_file()).map(|file| file.display().to_string());
     let there = there.reduce(|file, image| format!("{file} and {image}"));
-    let replaces = if lost.is_some() { " and replaces" } else { "Enter again replaces" };
-    let there = there.map(|there| format!("{replaces} {there}"));
-    Ok(lost.into_iter().chain(there).reduce(|lost, there| lost + &there))
+    let other = unused_path(&other).display().to_string();
+    let asks = there.is_some() || lost.is_some();
+    Ok(asks.then(|| lists::replacement(there, lost, typed, other)))
 }

@@ -22,8 +22,7 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
         return;
     }
     if resets_networks(cx.screen.run(), &run) && is_worth_saving(cx) {
-        let (title, begin) =
-            ("this resets the networks, which are not saved", "continue with new networks");
+        let (title, begin) = ("reset the networks without saving?", "continue with new networks");
         let (to, lost) = (Choice::Change(Box::new(run)), lists::lost(&cx.screen.snapshot, false));
         cx.screen.open(lists::leave(title, begin, "", to, Some(lost)));
     } else {
@@ -47,7 +46,7 @@ pub fn ask_to_restart(cx: &mut Cx) {
     let [title, begin] = ["restart", "start"].map(|word| format!("{word} with seed {seed}"));
     // On the same map.
     let lost = is_worth_saving(cx).then(|| lists::lost(&cx.screen.snapshot, false));
-    cx.screen.open(lists::leave(title, &begin, "new networks", Choice::Restart(seed), lost));
+    cx.screen.open(lists::leave(title + "?", &begin, "new networks", Choice::Restart(seed), lost));
 }
 
 pub fn restart(seed: u64, cx: &mut Cx) {
@@ -89,7 +88,7 @@ pub fn continue_on(map: &Grid, cx: &mut Cx) {
 /// Loads a checkpoint; asks first if much would be lost, unless the user has decided.
 pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
     if let Some(lost) = unsaved(cx).filter(|_| !is_decided) {
-        let title = "load a checkpoint without saving this run?";
+        let title = "load a checkpoint without saving?";
         let choice = Choice::LoadUnsaved(path);
         return cx.screen.open(lists::leave(title, "load it", "", choice, Some(lost)));
     }
@@ -109,5 +108,10 @@ pub fn ask_setting(name: String, cx: &mut Cx) {
     let hint = setting.map_or(String::new(), |setting| {
         format!("{}: {}; {}", setting.about, setting.values, setting.effect.about())
     });
-    cx.screen.open(Prompt::new(Question::Setting(name.clone()), name, hint, value));
+    cx.screen.open(Prompt::new(
+        Question::Setting(name.clone()),
+        format!("value of {name}"),
+        hint,
+        value,
+    ));
 }

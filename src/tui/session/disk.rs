@@ -13,7 +13,7 @@ use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;
 use crate::tui::lists;
-use gdg::files::{has_extension, is_hidden, prepare, unused_path};
+use gdg::files::{has_extension, is_hidden, prepare};
 use gdg::job::{Job, Running};
 use gdg::map::{
     Grid, MapFormat, Reading as MapReading, format_for, load_map, load_map_like, lost_from,
@@ -119,19 +119,25 @@ pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
         .and_then(|places| places.into_iter().try_for_each(|place| place()))
         .map_err(|error| format!("{name} cannot be written: {error}"))?;
     maze.kept_map = maze.map.clone();
-    cx.screen.notify(&format!("wrote {name}"));
+    cx.screen.notify(&format!("saved the map to {name}"));
     Ok(())
 }
 
-/// Returns what a file for the map called `path` would lack, and the one there has, if anything.
-pub fn loss(cx: &Cx, path: &Path) -> Option<String> {
-    let (format, map) = (format_for(path), &cx.scene.maze()?.map);
-    let lost = format.lost(map).join(" or ");
-    let lost = (!lost.is_empty())
-        .then(|| format!("the format {} has no {lost}: NAME.txt keeps them", format.name));
-    let there = lost_from(path, map)
-        .map(|own| format!("the file's {own} would be lost: give {}", unused_path(path).display()));
-    lost.into_iter().chain(there).reduce(|lost, there| format!("{lost}; {there}"))
+/// Returns what a file for the map called `path` would lack, and the one there has, if anything; and a
+/// file that has it all.
+pub fn loss(cx: &Cx, path: PathBuf) -> (Option<String>, PathBuf) {
+    let Some(maze) = cx.scene.maze() else { return (None, path) };
+    let format = format_for(&path);
+    let lost = format.lost(&maze.map).join(" or ");
+    let there = lost_from(&path, &maze.map).map(|own| format!("the file's {own} would be lost"));
+    if lost.is_empty() {
+        return (there, path);
+    }
+    let lost = format!("the format {} has no {lost}", format.name);
+    (
+        there.into_iter().chain([lost]).reduce(|there, lost| there + "; " + &lost),
+        path.with_extension("txt"),
+    )
 }
 
 /// Lists the maps in `folder`, or by default built-in maps and those in the current folder.

@@ -187,7 +187,7 @@ impl Session {
 
     pub fn ask_for_copy(&mut self) {
         self.saver.leave_file([""; 2]);
-        self.open(self.saver.ask_file("train a copy, saved as"));
+        self.open(self.saver.ask_file("name of the copy"));
     }
 
     /// Leaves the run to the other program, for a copy in the file `copy`; returns whether there was

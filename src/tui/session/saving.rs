@@ -212,8 +212,7 @@ impl Saver {
             self.awaited = None;
             self.then.take_if(|then| *then != QUIT);
             if self.then.is_some() {
-                let title = "not saved: save elsewhere and quit (Esc cancels)";
-                let mut prompt = self.ask_file(title);
+                let mut prompt = self.ask_file("another name, to save and quit");
                 prompt.error = Some(now.save_failed.1.clone());
                 cx.screen.open(prompt);
             }

@@ -91,8 +91,8 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, ":colours visits{enter}", &["visits"], &[]),
     (New, SMALL, "{f9}", &["F9 does nothing here: ? lists all keys"], &[]),
     // Questions about the run, and settings.
-    (New, SMALL, "{click gdg-bridge}", &["continue with method"], &[]),
-    (New, SMALL, "{click default}", &["continue with preset"], &[]),
+    (New, SMALL, "{click gdg-bridge}", &["method (data is kept"], &[]),
+    (New, SMALL, "{click default}", &["preset (data is kept"], &[]),
     (New, SMALL, "{click seed}", &["restart with seed"], &[]),
     (Run, SMALL, "q", &["unsaved updates", " y save and quit"], &["type to search"]),
     (Run, SMALL, "qn", &["q quit"], &["save and quit"]),
@@ -125,7 +125,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
     // What there is not is not in the legend.
     (Actor, SMALL, "b", &["gdg has no bridges: press ? and type method to"], &[]),
-    (Actor, SMALL, "?method{enter}", &["continue with method"], &[]),
+    (Actor, SMALL, "?method{enter}", &["method (data is kept"], &[]),
     (Actor, SMALL, "", &["v view  Tab panes"], &["A alone"]),
     (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
     (Mono, SMALL, "c", &["contour lines need colours"], &[]),

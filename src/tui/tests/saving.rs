@@ -133,7 +133,10 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
         let shown = save_as(&mut app, name);
         assert!(shown.contains(warning), "{shown}");
         assert_eq!(std::fs::read_to_string(file(replaced)).expect("the file"), text);
+        press(&mut app, KeyCode::Char('n'));
+        assert_eq!(app.screen.dialogs.len(), 1, "another name can be typed");
         press(&mut app, KeyCode::Enter);
+        press(&mut app, KeyCode::Char('d'));
         assert!(app.screen.dialogs.is_empty() && gdg::map::load_map(&file(replaced)).is_ok());
     }
     assert_eq!(marks("kept.txt"), 1, "with its goal");
@@ -141,20 +144,23 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     std::fs::write(file("scan.pgm"), "P2 2 1 9 9 0").expect("a file");
     std::fs::set_permissions(file("scan.yaml"), PermissionsExt::from_mode(0o444)).expect("a file");
     save_as(&mut app, "scan.yaml");
-    press(&mut app, KeyCode::Enter);
+    press(&mut app, KeyCode::Char('d'));
     assert!(shown_by(&mut app, 200, 40).contains("is write-protected"));
     assert_eq!(std::fs::read_to_string(file("scan.pgm")).expect("a file"), "P2 2 1 9 9 0");
     press(&mut app, KeyCode::Esc);
     // Starts and goals that the format does not have.
     let shown = save_as(&mut app, "rooms.map");
-    let said = ["the format movingai has no goals", "NAME.txt keeps them"];
+    let said = ["the format movingai has no goals", "rooms.txt"];
     assert!(said.iter().all(|text| shown.contains(text)), "{shown}");
     assert!(!file("rooms.map").exists(), "nothing is written yet");
     press(&mut app, KeyCode::Enter);
+    assert_eq!((app.screen.dialogs.len(), marks("rooms.txt")), (0, 1), "first what loses nothing");
+    save_as(&mut app, "rooms.map");
+    press(&mut app, KeyCode::Char('d'));
     assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
     let shown = save_as(&mut app, "rooms.map");
-    assert!(shown.contains("and replaces"), "{shown}");
-    press(&mut app, KeyCode::Esc);
+    assert!(shown.contains("replace what is there?"), "{shown}");
+    (0..2).for_each(|_| press(&mut app, KeyCode::Esc));
     // A checkpoint, or what else is no map, is never replaced.
     saved_run(folder.path(), &app);
     std::fs::write(file("notes.txt"), "mine").expect("a file");
@@ -300,7 +306,7 @@ fn set(app: &mut App, name: &str, value: &str) {
 fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
     let mut app = staged_app(80, 24);
     let asks = |app: &mut Still| {
-        let asked = text(&draw(app, 80, 24)).contains("this resets the networks");
+        let asked = text(&draw(app, 80, 24)).contains("reset the networks without saving?");
         assert_eq!(app.screen.dialogs.len(), usize::from(asked));
         asked.then(|| press(app, KeyCode::Esc));
         let sent = app.commands.try_iter().any(|sent| matches!(sent, EngineCommand::Change(_)));
