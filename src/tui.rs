@@ -106,8 +106,7 @@ impl PreparedInterface {
     }
 }
 
-/// Open files that the interface needs besides those that are open: for terminal, signals and
-/// checkpoints.
+/// Open files that the interface needs besides: for terminal, signals and checkpoints.
 const MIN_OPEN_FILES: usize = 24;
 
 /// Reads the configuration and listens to signals. Called before anything else of the interface,
@@ -121,8 +120,7 @@ pub fn prepare(options: &InterfaceOptions) -> Result<PreparedInterface, Report> 
     Ok(PreparedInterface { config, keymap, termination, from_list: false, stage })
 }
 
-/// Checks that as many files can be open as the interface needs: the libraries that it uses panic
-/// otherwise.
+/// Checks that as many files can be open as are needed: libraries panic otherwise.
 fn check_open_files() -> Result<(), Report> {
     use std::os::fd::AsFd;
     let stdin = std::io::stdin();

@@ -1,9 +1,11 @@
 //! The program as run from a shell: records, exit statuses, errors.
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use crate::ran::{Ran, SMALL, in_folder, one_line, words};
+use crate::ran::{Ran, SMALL, in_folder, one_line, program_in, words};
 use serde_json::Value;
 
 fn gdg(args: &[&str]) -> Ran {
@@ -295,11 +297,18 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
 fn without_a_terminal_it_says_that_it_trains_without_the_interface() {
     let folder = tempfile::tempdir().unwrap();
     let args = ["trap", "--max-updates", "3", "--eval-tasks", "1"];
-    let line = "trains without the interface, as the output is not a terminal (--no-ui says that this is meant)\n";
-    for (more, said) in [(&[][..], line), (&["--no-ui"], "")] {
+    let line = "trains without the interface, as the output is not a terminal (--no-ui says that this is meant)";
+    for (more, said) in [(&[][..], format!("{line}\n")), (&["--no-ui"], String::new())] {
         let done = in_folder(folder.path(), &[&args[..], more].concat());
-        assert_eq!((done.status, &*done.err), (Some(0), said));
+        assert_eq!((done.status, done.err), (Some(0), said));
     }
+    let mut endless = program_in(folder.path());
+    let endless = endless.arg("trap").stdin(Stdio::null()).stdout(Stdio::piped());
+    let mut child = endless.stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = String::new();
+    BufReader::new(child.stderr.take().unwrap()).read_line(&mut said).unwrap();
+    child.kill().and_then(|()| child.wait()).unwrap();
+    assert_eq!(said, format!("{line}, until Ctrl-C or a limit: --max-updates N\n"));
 }
 
 #[test]

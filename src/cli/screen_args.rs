@@ -115,7 +115,7 @@ Examples:
 
 Click on either map to set the goal of both; e edits the map of both. Each side trains exactly \
 as gdg-tui MAP --method METHOD with the same seed and settings does, on its own threads; saved \
-runs begin paused, as they were saved, and Space trains them on. Nothing is saved: gdg-tui \
+runs begin paused, as they were saved, and Space trains them on; s saves both. gdg-tui \
 reproduce and gdg-tui suite compare methods over several seeds, without a terminal, and keep \
 their results.
 

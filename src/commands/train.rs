@@ -15,7 +15,7 @@ use crate::setup::find_maps;
 use crate::tui::{self, PreparedInterface};
 use gdg::printing::eprint_line;
 use gdg::text::{sanitized_lines, terminal_obeys_escapes};
-use gdg::train::{Registry, print_settings};
+use gdg::train::{Limits, Registry, print_settings};
 
 /// Trains, or prints what it would train with.
 pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
@@ -39,13 +39,13 @@ pub fn run(args: &TrainArgs, registry: &Arc<Registry>) -> CommandOutcome {
         return Err(bad_input(find_maps::unknown_name(args.map(), registry, &commands)));
     }
     let obstacle = if args.no_ui { None } else { obstacle() };
-    let opening = Waiting::on(prepare::opening(args));
-    let setup = prepare::prepare(args, registry, &opening);
-    drop(opening);
+    let setup = prepare::prepare(args, registry, &Waiting::on(prepare::opening(args)));
     let setup = setup.map_err(bad_input)?;
     if let Some(obstacle) = &obstacle {
         let meant = "--no-ui says that this is meant";
-        eprint_line(&format!("trains without the interface, as {obstacle} ({meant})"));
+        let is_endless = setup.limits == Limits::default();
+        let until = if is_endless { ", until Ctrl-C or a limit: --max-updates N" } else { "" };
+        eprint_line(&format!("trains without the interface, as {obstacle} ({meant}){until}"));
     }
     if args.no_ui || obstacle.is_some() {
         return headless::run(setup, &args.headless).map_err(failure);

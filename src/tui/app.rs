@@ -27,8 +27,7 @@ pub enum Base {
 
 pub struct App {
     pub base: Base,
-    /// Whether the press of the mouse button that is down has had its effect, so that dragging on
-    /// does nothing.
+    /// Whether the mouse button that is down has had its effect, so that dragging on does nothing.
     press_is_spent: bool,
 }
 
@@ -162,8 +161,7 @@ impl App {
         }
     }
 
-    /// Quits, which may ask, in place of the open dialogs. If that question is open, leaves without
-    /// an answer.
+    /// Quits, which may ask, in place of open dialogs; if that question is open, without an answer.
     fn interrupt(&mut self) {
         let session = self.first_mut();
         if session.screen.dialogs.last().is_some_and(Dialog::asks_to_quit) {
@@ -256,7 +254,7 @@ impl Interface for App {
     }
 
     fn on_signal(&mut self) {
-        // A comparison saves nothing.
+        // A comparison saves only what it is told to.
         if let Base::Run(session) = &mut self.base {
             session.catch_up();
             session.saver.on_signal(&session.cx);

@@ -338,18 +338,13 @@ const CONTOUR_WIDTH: f32 = 0.07;
 /// The distance of neighbouring points of a line in a picture, in pixels.
 const POINT_SPACING: f32 = 3.0;
 
-/// Returns the common interval of the lines of `fields`; `before` if that is nearly right.
-pub fn contour_interval(
-    fields: &[(&[f32], usize)],
-    is_fine: bool,
-    before: Option<f32>,
-) -> Option<f32> {
+/// Returns the common interval of the lines of fields; `before` if that is nearly right.
+pub fn contour_interval(of: &[(&[f32], usize)], is_fine: bool, before: Option<f32>) -> Option<f32> {
     let apart = if is_fine { PICTURE_SPACING } else { CONTOUR_SPACING };
     let with = |spacing: f32| {
-        fields
-            .iter()
-            .map(|(field, columns)| draw::contour_interval(field, *columns, spacing))
-            .reduce(f32::max)
+        let own =
+            |(field, columns): &(&[f32], usize)| draw::contour_interval(field, *columns, spacing);
+        of.iter().map(own).reduce(f32::max)
     };
     let spacings = [apart, (1.0 - INTERVAL_TOLERANCE) * apart, (1.0 + INTERVAL_TOLERANCE) * apart];
     let same = before.is_some() && spacings.into_iter().any(|spacing| with(spacing) == before);

@@ -4,7 +4,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Position;
 use ratatui::style::{Color, Modifier, Style};
 
-use super::canvas::{Canvas, Ground, SHADES, Sign};
+use super::canvas::{Canvas, Ground, Sign};
 use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of};
 use crate::tui::choices::Marker;
 
@@ -51,9 +51,7 @@ impl Canvas {
         let at = Position::new(self.frame.area.x + column, self.frame.area.y + row);
         let Some(cell) = buffer.cell_mut(at) else { return };
         if theme.depth == ColourDepth::Mono {
-            // Show the most informative mark.
-            let marks = (0..count).map(|n| self.marks[own(n)]);
-            cell.set_char(marks.max_by_key(|mark| mark_rank(*mark)).unwrap_or(' '));
+            cell.set_char(self.marks[first]);
             return;
         }
         let mut colours = [None; MAX_PIXELS];
@@ -105,16 +103,6 @@ pub fn put(buffer: &mut Buffer, at: Position, symbol: char, rgb: Option<Rgb>, th
     // The background of a half block is the colour of its lower half.
     let ground = rgb_of(cell.bg).unwrap_or(theme.unknown);
     cell.set_char(symbol).set_fg(theme.colour(rgb.unwrap_or(ink(ground))));
-}
-
-/// Ranks a mark by how informative it is: shades, unvisited cells, wall, anything else.
-fn mark_rank(mark: char) -> u8 {
-    match mark {
-        shade if SHADES.contains(&shade) => 0,
-        UNVISITED_MARK | CUT_OFF_MARK => 1,
-        WALL_MARK => 2,
-        _ => 3,
-    }
 }
 
 /// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the
@@ -172,10 +160,8 @@ fn most_frequent(colours: &[Option<Rgb>], mask: u8) -> Option<Rgb> {
 /// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
 fn glyph(marker: Marker, mask: u8) -> char {
     match marker {
-        Marker::Auto | Marker::Pixels | Marker::HalfBlock => {
-            [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)]
-        }
         Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
+        _ => [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)],
     }
 }
 

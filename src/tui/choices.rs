@@ -1,5 +1,4 @@
-//! What there is to choose from: panes, overlays on the map, what draws it, tools of its editor, and
-//! exports.
+//! What there is to choose from: panes, overlays, what draws the map, its editor's tools, exports.
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
@@ -118,19 +117,24 @@ pub enum Marker {
     HalfBlock,
     /// Two by two pixels per character.
     Quadrant,
+    /// A sign per character, without colours: what shares one with a wall would seem to be in it.
+    #[serde(skip)]
+    #[value(skip)]
+    Sign,
 }
 
 impl Marker {
     pub const ALL: [Self; 4] = [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant];
 
     /// Returns the name used in the configuration and on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Pixels => "pixels",
-            Self::HalfBlock => "half-block",
-            Self::Quadrant => "quadrant",
-        }
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// Returns what draws with so many colours: without any, signs.
+    #[must_use]
+    pub fn at(self, depth: ColourDepth) -> Self {
+        if depth == ColourDepth::Mono { Self::Sign } else { self }
     }
 
     /// Returns whether the map is drawn as a picture where the terminal shows pictures.
@@ -154,6 +158,7 @@ impl Marker {
         match self {
             Self::Auto | Self::Pixels | Self::HalfBlock => (1, 2),
             Self::Quadrant => (2, 2),
+            Self::Sign => (1, 1),
         }
     }
 }

@@ -29,12 +29,13 @@ use super::lists;
 use super::log::{Log, Notice};
 use super::scene::maze::place_walker;
 use super::scene::{MazeState, legend};
-use super::session::{Session, watching};
+use super::session::{Session, disk, watching};
 use crate::experiment::plot::XAxis;
+use crate::setup::outputs::is_same_file;
 pub use contenders::{ComparisonOptions, Contender, Contestant, Contestants, prepare};
 use gdg::engine::{Engine, EngineCommand};
 use gdg::map::Cell;
-use gdg::train::Limits;
+use gdg::train::{Limits, SaveTo};
 use gdg::viewer::{Field, OnArrival, View, Viewer};
 use race::Race;
 
@@ -45,7 +46,7 @@ const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
 pub struct Comparison {
     pub sessions: [Session; 2],
-    /// Letter, method, preset, and settings of each side alone.
+    /// Letter and method of each side, and what the other may not have.
     titles: [String; 2],
     race: Race,
     pub axis: XAxis,
@@ -61,7 +62,7 @@ pub struct Comparison {
 }
 
 fn start_side(
-    Contestant { trainer, title, is_paused }: Contestant,
+    Contestant { trainer, title, file }: Contestant,
     config: &UiConfig,
     keymap: &Keymap,
     limits: Limits,
@@ -69,8 +70,8 @@ fn start_side(
     // A method with slow evaluations must not be judged by its first steps.
     let evaluations = EngineCommand::PauseEvaluations(EVALUATION_PAUSE_FACTOR);
     // A saved run is shown as it was saved, without another update.
-    let at_first = is_paused.then_some(EngineCommand::Pause).into_iter().chain([evaluations]);
-    let engine = Engine::resume(trainer, limits, None, at_first).into_diagnostic()?;
+    let at_first = file.is_some().then_some(EngineCommand::Pause).into_iter().chain([evaluations]);
+    let engine = Engine::resume(trainer, limits, file, at_first).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut session = Session::new(engine.link(), viewer, config, keymap.clone(), None);
     // The race decides where both go next.
@@ -92,7 +93,11 @@ impl Comparison {
         limits: Limits,
     ) -> Result<(Self, [Engine; 2]), Report> {
         let [a, b] = contestants.map(|contestant| start_side(contestant, config, keymap, limits));
-        let ((first, a, engine), (second, b, other)) = (a?, b?);
+        let ((first, a, engine), (mut second, b, other)) = (a?, b?);
+        let file = second.saver.to.path().to_owned();
+        if is_same_file(&file, first.saver.to.path()) {
+            second.saver.to = SaveTo::CreateNew(file);
+        }
         let (maze, seed) = (maze_of(&first), first.screen.run().seed);
         let (goal, race) = (maze.goal, Race::new(maze.map.clone(), seed));
         let mut comparison = Self {
@@ -169,8 +174,7 @@ impl Comparison {
         self.follow(own, &view);
     }
 
-    /// Processes what the viewer of a side has published; the same
-    /// distance has the same colour on both sides.
+    /// Follows the viewer of a side; the same distance has the same colour on both.
     pub fn follow(&mut self, own: usize, view: &View) {
         let session = &self.sessions[own];
         let ghost = view.reach.ghost.as_ref().filter(|_| !session.screen.run().method.plans());
@@ -199,7 +203,16 @@ impl Comparison {
         let mut changed = self.log.on_tick();
         for session in &mut self.sessions {
             changed |= session.screen.log.on_tick();
-            changed |= session.update_busy();
+            changed |= session.update_busy() | disk::on_tick(&mut session.cx);
+        }
+        let [a, b] = self.sessions.each_mut().map(|session| &mut session.screen.log);
+        if let (Some(first), Some(second)) = (a.notice(), b.notice()) {
+            // What both have done is one message.
+            let is_error = first.is_error || second.is_error;
+            let text = format!("A: {}; B: {}", first.text, second.text);
+            self.log.show(if first.text == second.text { first.text } else { &text }, is_error);
+            (a.notice, b.notice) = (None, None);
+            changed = true;
         }
         changed
     }
@@ -249,6 +262,9 @@ impl Comparison {
             Some(Choice::Field(field)) => {
                 self.sessions.iter_mut().for_each(|session| watching::leave_past(session));
                 self.show_field(*field);
+            }
+            Some(Choice::Export(kind)) => {
+                self.sessions.iter_mut().for_each(|session| disk::export(*kind, &mut session.cx));
             }
             // Other dialogs are the first side's.
             Some(choice) => self.sessions[0].choose(choice.clone()),

@@ -107,7 +107,6 @@ fn error(name: &str, text: &str, span: Option<Range<usize>>, problem: &str, help
 
 pub fn template() -> String {
     let default = UiConfig::default();
-    let names = |names: Vec<&str>| names.join(", ");
     let mut text = format!(
         "# gdg-tui configuration.{}\n\
          # Remove the # from a line to change its value.\n\n\
@@ -117,9 +116,9 @@ pub fn template() -> String {
          # Minutes between autosaves; 0 for none.\n# autosave_minutes = {}\n\n\
          # Keys of each action: \"a\", \"shift-a\", \"ctrl-a\", \"alt-a\", \"space\", \"enter\", \"left\", \"f1\" ...\n[keys]\n",
         default_path().map_or(String::new(), |path| format!(" Default path: {}", path.display())),
-        names(ThemeName::ALL.map(ThemeName::name).to_vec()),
+        ThemeName::ALL.map(ThemeName::name).join(", "),
         default.theme.name(),
-        names(Marker::ALL.map(Marker::name).to_vec()),
+        Marker::ALL.map(Marker::name).join(", "),
         default.marker.name(),
         default.autosave_minutes,
     );

@@ -198,8 +198,7 @@ fn insert_first_line(input: &mut Input, text: &str) {
 pub enum Choice {
     /// Saves the run, then does something else.
     SaveFirst(Box<Choice>),
-    /// Continues with another method, preset or settings, without asking what becomes of the
-    /// networks.
+    /// Continues with other settings, method or preset, whatever becomes of the networks.
     Change(Box<Run>),
     Act(Action),
     /// Answers the question below, whatever that replaces.
@@ -289,6 +288,8 @@ pub struct Picker {
     pub title: String,
     /// What is shown above the items; empty for nothing.
     pub text: String,
+    /// Whether it stays open below what is picked in it: the list of settings.
+    pub stays: bool,
     items: Vec<Item>,
     typed: Input,
     /// Indices of the items that match the search text, best first.
@@ -302,8 +303,7 @@ impl Picker {
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
         let (title, typed) = (title.into(), Input::default());
-        let text = String::new();
-        Self { title, text, items, typed, shown, selected: 0 }
+        Self { title, text: String::new(), stays: false, items, typed, shown, selected: 0 }
     }
 
     #[must_use]

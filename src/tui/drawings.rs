@@ -112,7 +112,7 @@ fn on_paper(screen: &Screen, scene: &Scene) -> std::io::Result<(Buffer, Rect)> {
     let mut terminal = Terminal::new(backend).map_err(std::io::Error::other)?;
     let mut area = Rect::default();
     let drawn = terminal.draw(|frame| {
-        let pane = render::draw_panes(frame, screen, scene, &mut Cache::default()).map_pane;
+        let pane = render::draw(frame, screen, scene, &mut Cache::default()).map_pane;
         // With the moment of the past above it.
         area = Rect { y: pane.y.saturating_sub(1), height: pane.height + 1, ..pane };
     });

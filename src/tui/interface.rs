@@ -35,8 +35,7 @@ pub trait Interface {
 
     fn is_done(&self) -> bool;
 
-    /// Sets the terminal's graphics capabilities, and how much of the pictures the next frame
-    /// redraws.
+    /// Sets the terminal's graphics, and how much of the pictures the next frame redraws.
     fn set_graphics(&mut self, _graphics: Option<Graphics>, _redraw: Redraw) {}
 
     fn draw(&mut self, frame: &mut Frame);

@@ -211,8 +211,7 @@ mod tests {
             ("shift-R", Mode::Watching, Some(Action::NewSeed)),
             ("1", Mode::Editing, Some(Action::Tool(Tool::Pencil))),
             ("1", Mode::EditingBoth, Some(Action::Tool(Tool::Pencil))),
-            // There is nothing to save or set in a comparison, and there are no panes.
-            ("s", Mode::Comparing, None),
+            // There is nothing to set in a comparison, and there are no panes.
             ("o", Mode::Comparing, None),
             ("3", Mode::Comparing, None),
         ] {

@@ -153,7 +153,7 @@ pub fn methods(now: &Method, registry: &Registry) -> Picker {
             Item::new(method.name(), about, Choice::Method(method)).within("LEARNER+PLANNER")
         })
     });
-    let title = "method (data is kept, networks where they fit)";
+    let title = "method (replay is kept, networks where they fit)";
     let items = METHODS.iter().map(named).chain(others).collect();
     Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
@@ -161,13 +161,31 @@ pub fn methods(now: &Method, registry: &Registry) -> Picker {
 pub fn presets(now: Preset) -> Picker {
     let items =
         Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
-    let title = "preset (data is kept, networks are reset)";
+    let title = "preset (replay is kept, networks are reset)";
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
-/// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
+/// Lists all that changes the run: method and preset, and the settings by group, with a mark where they
+/// differ from those of its preset.
 pub fn settings(screen: &Screen) -> Picker {
-    Picker::new("setting (* differs from its preset)", setting_items(screen))
+    let Run { method, preset, .. } = screen.run();
+    let about = METHODS.iter().find(|named| Method::from(*named) == *method);
+    let of_run = [
+        ("method", method.name(), about.map_or("", |named| named.about), Action::Method),
+        ("preset", preset.name().to_owned(), preset.about(), Action::Preset),
+    ];
+    let of_run = of_run.map(|(name, now, about, action)| {
+        Item::new(name, valued(&now, about), Choice::Act(action)).within("run")
+    });
+    let items = of_run.into_iter().chain(setting_items(screen)).collect();
+    let mut list = Picker::new("setting (* differs from its preset)", items);
+    list.stays = true;
+    list
+}
+
+/// Returns a value, in its column, and what it is.
+fn valued(now: &str, about: &str) -> String {
+    format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH))
 }
 
 fn setting_items(screen: &Screen) -> Vec<Item> {
@@ -194,8 +212,7 @@ fn setting_item(setting: &Setting, now: &str, default: &str, screen: &Screen) ->
     let is_idle = screen.snapshot.registry.is_idle(setting, method);
     let idle = if is_idle { format!("unused by {method}: ") } else { String::new() };
     let below = about_setting(setting, &format!("Now {now}; {default} by default{of}"));
-    let detail = format!("{}  {idle}{about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
-    let choice = Choice::Setting((*name).to_owned());
+    let (detail, choice) = (valued(now, &(idle + about)), Choice::Setting((*name).to_owned()));
     Item { below, ..Item::new(*name, detail, choice).within(setting.heading()) }
 }
 
@@ -204,33 +221,32 @@ pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
     Picker::new("export", kinds.iter().map(item).collect())
 }
 
+/// Asks: of the `answers`, `y` loses nothing and `d` discards; `n` changes nothing.
+fn ask(title: impl Into<String>, answers: impl IntoIterator<Item = Item>) -> Picker {
+    let stay = Item::new("stay", "", Choice::Nothing).on('n');
+    Picker::new(title, answers.into_iter().chain([stay]).collect())
+}
+
 pub fn quit_choices(lost: String, file: &Path) -> Picker {
-    let items = vec![
-        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true })
-            .on('y'),
-        Item::new("quit without saving", lost, Choice::Quit { save: false }).on('d'),
-        Item::new("stay", "", Choice::Nothing).on('n'),
-    ];
-    Picker::new("quit without saving?", items)
+    let to = format!("to {}", file.display());
+    let save = Item::new("save and quit", to, Choice::Quit { save: true }).on('y');
+    let quit = Item::new("quit without saving", lost, Choice::Quit { save: false }).on('d');
+    ask("quit without saving?", [save, quit])
 }
 
 /// Asks whether to delete files; nothing is lost unless that is chosen.
 pub fn deletion(what: &str, names: String) -> Picker {
     let delete = Choice::Act(Action::List(ListAction::Delete));
-    let items = vec![
-        Item::new("stay", "", Choice::Nothing).on('n'),
-        Item::new("delete", "for good", delete).on('d'),
-    ];
-    Picker::new(format!("delete {what}?"), items).explaining(names)
+    let delete = Item::new("delete", "for good", delete).on('d');
+    let stay = Item::new("stay", "", Choice::Nothing).on('n');
+    Picker::new(format!("delete {what}?"), vec![stay, delete]).explaining(names)
 }
 
 pub fn quit_comparison() -> Picker {
-    let items = vec![
-        Item::new("save the map first", "", Choice::Act(Action::SaveMap)).on('y'),
-        Item::new("quit", "map edits are lost", Choice::Quit { save: false }).on('d'),
-        Item::new("stay", "", Choice::Nothing).on('n'),
-    ];
-    Picker::new("quit without saving the map?", items)
+    let save = Item::new("save the map first", "", Choice::Act(Action::SaveMap)).on('y');
+    let quit = Choice::Quit { save: false };
+    let quit = Item::new("quit", "map edits are lost", quit).on('d');
+    ask("quit without saving the map?", [save, quit])
 }
 
 /// Says what is lost without saving: updates, and edits of the map.
@@ -252,7 +268,7 @@ pub fn lost(snapshot: &Snapshot, is_map_edited: bool) -> String {
 }
 
 /// Asks whether to leave a run, which can be saved first if something would be `lost`, to `begin` what
-/// `about` describes. As in all questions, `y` loses nothing, `d` discards and `n` changes nothing.
+/// `about` describes.
 pub fn leave(
     title: impl Into<String>,
     begin: &str,
@@ -260,48 +276,32 @@ pub fn leave(
     choice: Choice,
     lost: Option<String>,
 ) -> Picker {
-    let save = lost.as_ref().map(|_| {
-        let first = Choice::SaveFirst(Box::new(choice.clone()));
-        Item::new(format!("save, then {begin}"), about, first).on('y')
-    });
-    let begin = match lost {
-        Some(lost) => Item::new(format!("{begin}, unsaved"), lost, choice).on('d'),
-        None => Item::new(begin, about, choice).on('y'),
-    };
-    let stay = Item::new("stay", "", Choice::Nothing).on('n');
-    Picker::new(title, save.into_iter().chain([begin, stay]).collect())
+    let Some(lost) = lost else { return ask(title, [Item::new(begin, about, choice).on('y')]) };
+    let first = Choice::SaveFirst(Box::new(choice.clone()));
+    let save = Item::new(format!("save, then {begin}"), about, first).on('y');
+    ask(title, [save, Item::new(format!("{begin}, unsaved"), lost, choice).on('d')])
 }
 
-/// Asks whether to write what would replace the files `there`, or lose something; as `other`, it loses
-/// nothing.
+/// Asks whether to write what would replace the files `there`, or lose something, unlike `other`.
 pub fn replacement(
     there: Option<String>,
     lost: Option<String>,
-    answer: &str,
+    own: &str,
     other: String,
 ) -> Picker {
     let [title, label] = match there {
         Some(_) => ["replace what is there?", "replace"],
         None => ["save without all of it?", "save it so"],
     };
-    let what: Vec<String> = there.into_iter().chain(lost).collect();
-    let so = Choice::Answer(answer.to_owned());
-    let items = vec![
-        Item::new("save under another name", other.clone(), Choice::Answer(other)).on('y'),
-        Item::new(label, what.join("; "), so).on('d'),
-        Item::new("stay", "", Choice::Nothing).on('n'),
-    ];
-    Picker::new(title, items)
+    let what = there.into_iter().chain(lost).collect::<Vec<_>>().join("; ");
+    let save = Item::new("save under another name", other.clone(), Choice::Answer(other)).on('y');
+    ask(title, [save, Item::new(label, what, Choice::Answer(own.to_owned())).on('d')])
 }
 
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let to = format!("to {}, from where it can be resumed", file.display());
-    let items = vec![
-        Item::new("save and quit", to, Choice::Quit { save: true }).on('y'),
-        Item::new("stay", "to inspect, save, or load a checkpoint", Choice::Nothing).on('n'),
-    ];
-    let title = format!("{title}: save and quit?");
-    Picker::new(title, items).explaining(format!("{problem}\n{hint}"))
+    let save = Item::new("save and quit", to, Choice::Quit { save: true }).on('y');
+    ask(format!("{title}: save and quit?"), [save]).explaining(format!("{problem}\n{hint}"))
 }
 
 /// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of
@@ -357,8 +357,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
     Picker::new(format!("map ({})", folder.display()), items)
 }
 
-/// Lists messages, the latest first, with their moments in seconds of training; the selected one with
-/// its update.
+/// Lists messages, the latest first, with the seconds of training; below, all with the update.
 pub fn messages(log: &[LogEntry]) -> Option<Picker> {
     let item = |LogEntry { text, seconds, updates }: &LogEntry| Item {
         below: vec![format!("{text} (update {})", grouped(*updates))],

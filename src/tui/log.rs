@@ -31,8 +31,7 @@ impl Log {
         self.entries = past.to_vec();
     }
 
-    /// Logs an event at a moment of the run, in seconds of training and updates, and shows it as a
-    /// notice.
+    /// Logs an event, in seconds of training and updates, and shows it as a notice.
     pub fn add(&mut self, text: &str, seconds: f64, updates: u64, is_error: bool) {
         self.record(text, seconds, updates);
         self.show(text, is_error);

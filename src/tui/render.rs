@@ -73,12 +73,7 @@ pub fn finish_frame(frame: &mut Frame, theme: &Theme) {
     }
 }
 
-pub fn draw_panes(
-    frame: &mut Frame,
-    screen: &Screen,
-    scene: &Scene,
-    cache: &mut Cache,
-) -> ScreenLayout {
+pub fn draw(frame: &mut Frame, screen: &Screen, scene: &Scene, cache: &mut Cache) -> ScreenLayout {
     let whole = frame.area();
     let mut page = ScreenPainter { frame, screen, scene, layout: ScreenLayout::new(whole) };
     let [head, body, foot] =
@@ -175,10 +170,9 @@ pub fn too_small(frame: &mut Frame, what: &str, (columns, rows): (u16, u16)) {
 }
 
 pub fn middle(area: Rect, width: u16, height: u16) -> Rect {
-    area.centered(
-        Constraint::Length(width.min(area.width)),
-        Constraint::Length(height.min(area.height)),
-    )
+    let sizes = [width.min(area.width), height.min(area.height)];
+    let [width, height] = sizes.map(Constraint::Length);
+    area.centered(width, height)
 }
 
 #[cfg(test)]

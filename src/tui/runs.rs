@@ -63,8 +63,7 @@ pub struct Wish {
     pub file: PathBuf,
     pub beside: Option<PathBuf>,
     pub warning: Option<String>,
-    /// The records of a run that another program trains, which is watched; its checkpoint if there are
-    /// none.
+    /// The records of a run to watch, which another program trains; else its checkpoint.
     pub watches: Option<PathBuf>,
 }
 
@@ -354,8 +353,7 @@ impl RunsScreen {
         self.list.filter("");
     }
 
-    /// Handles the mouse: a click selects a run, one on the selected run marks it, and one on a
-    /// column's name sorts.
+    /// A click selects a run, marks or unmarks the selected one, or sorts by a column.
     fn on_mouse(&mut self, mouse: MouseEvent) {
         let at = Position::new(mouse.column, mouse.row);
         if let Some(dialog) = &mut self.dialog {

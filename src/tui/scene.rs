@@ -197,8 +197,7 @@ impl Scene {
     }
 
     pub fn phase(&self, screen: &Screen) -> String {
-        // The trainer does not know the latest edit of the map yet: it rebuilds the bridge graph
-        // first.
+        // The trainer rebuilds the bridge graph before it knows the latest edit of the map.
         let drawn = screen.snapshot.scene.maze().map(|scene| &scene.map);
         screen.phase(self.maze().is_some_and(|maze| drawn.is_some_and(|map| *map != maze.map)))
     }

@@ -27,6 +27,7 @@ use super::dialog::Dialog;
 use super::interface::TerminalRequest;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
+use super::lists;
 use super::render;
 use super::render::dialog::draw_dialog;
 use super::scene::{Cache, MazeState, Scene};
@@ -36,7 +37,7 @@ use elsewhere::TrainedElsewhere;
 use gdg::engine::{EngineLink, NextEvaluation, Phase, Snapshot};
 use gdg::job::Running;
 use gdg::text::grouped;
-use gdg::train::SaveTo;
+use gdg::train::{Evaluation, SaveTo};
 use gdg::viewer::{Field, Request, View, Viewer};
 use saving::Saver;
 #[cfg(test)]
@@ -44,14 +45,16 @@ pub use tour::STEPS as ALL_STEPS;
 use tour::TourGuide;
 pub use tour::{MAP as TOUR_MAP, run as tour_run};
 
+/// The success of an actor that has learned what plans have found.
+const LEARNED: f64 = 0.9;
+
 /// What commands act on: the screen, which leads to trainer and viewer, and what is drawn in the
 /// place of the map.
 pub struct Cx {
     pub screen: Screen,
     pub scene: Scene,
     pub writing: Option<Running<ShowResult>>,
-    /// The map or checkpoints that are being read, and how long to wait for them before the
-    /// interface goes on.
+    /// What is being read, and how long to wait for that before the interface goes on.
     pub reading: Option<Running<ShowResult>>,
     pub reading_patience: Duration,
 }
@@ -66,12 +69,9 @@ impl Cx {
     }
 
     /// Lets the maze react to something, if the scene is one.
-    pub fn in_maze<T: Default>(
-        &mut self,
-        react: impl FnOnce(&mut MazeState, &mut Screen) -> T,
-    ) -> T {
+    pub fn in_maze<T: Default>(&mut self, act: impl FnOnce(&mut MazeState, &mut Screen) -> T) -> T {
         let Self { screen, scene, .. } = self;
-        scene.maze_mut().map_or_else(T::default, |maze| react(maze, screen))
+        scene.maze_mut().map_or_else(T::default, |maze| act(maze, screen))
     }
 }
 
@@ -265,7 +265,15 @@ impl Session {
             maze.follow(screen);
         }
         if self.screen.run() != &*before.run {
-            self.screen.update_changed_settings();
+            let screen = &mut self.cx.screen;
+            screen.update_changed_settings();
+            let items: Vec<_> = lists::settings(screen).items().cloned().collect();
+            for dialog in &mut screen.dialogs {
+                match dialog {
+                    Dialog::Pick(list) if list.stays => list.update(items.clone()),
+                    _ => {}
+                }
+            }
         }
         let then = self.saver.on_snapshot(&before, &mut self.cx);
         then.into_iter().for_each(|then| self.choose(then));
@@ -317,14 +325,13 @@ impl Session {
     pub fn draw(&mut self, frame: &mut Frame) {
         self.cache.begin();
         let Cx { screen, scene, .. } = &self.cx;
-        let mut layout = render::draw_panes(frame, screen, scene, &mut self.cache);
+        let mut layout = render::draw(frame, screen, scene, &mut self.cache);
         draw_dialog(frame, screen, screen.log.notice(), &mut layout);
         render::finish_frame(frame, &screen.theme);
         self.drawn(layout);
     }
 
-    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its
-    /// pixels show.
+    /// Handles a drawn frame: keeps places for clicks, and asks for what its pixels show.
     pub fn drawn(&mut self, layout: ScreenLayout) {
         let Cx { screen, scene, .. } = &mut self.cx;
         let before = std::mem::replace(&mut screen.layout, layout);
@@ -345,4 +352,12 @@ fn log_evaluation(screen: &mut Screen) {
     };
     let text = format!("evaluated{at}: {}{error}", e.success(updates));
     screen.log.record(&text, snapshot.seconds, snapshot.updates());
+    // When the actor can first do without plans.
+    let learned = |e: &Evaluation| e.alone.success.filter(|rate| *rate >= LEARNED);
+    let mut before = snapshot.evaluations.iter().rev().skip(1);
+    if let Some(rate) = learned(e).filter(|_| e.planned.is_some())
+        && !before.any(|(_, earlier)| learned(earlier).is_some())
+    {
+        screen.notify(&format!("the actor alone reaches {rate:.2}: plans taught it"));
+    }
 }

@@ -190,8 +190,7 @@ async fn event_loop(
         timer.idle = !app.is_training();
         if timer.is_due() {
             gdg::faults::point("interface");
-            // A slow terminal gets fewer frames, and the shell's terminal none; skipped frames are
-            // due again.
+            // A slow terminal, or the shell's, skips frames, which are due again.
             if terminal.draw(app)? {
                 timer.drawn(terminal.patches.as_ref().is_some_and(Patches::is_behind));
             }
@@ -279,8 +278,7 @@ impl Write for FrameBytes {
 }
 
 impl Terminal {
-    /// Sets up the terminal, and queries its graphics capabilities unless `marker` makes that
-    /// pointless.
+    /// Sets up the terminal, and queries its graphics unless `marker` makes that pointless.
     fn enter(marker: Marker) -> std::io::Result<Self> {
         let asks = graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let output = FrameBytes::default();
@@ -330,8 +328,7 @@ impl Terminal {
         }
     }
 
-    /// Makes way for another interface, which is drawn from scratch: keys pressed before are
-    /// discarded.
+    /// Makes way for another interface, drawn from scratch: keys pressed before are discarded.
     fn hand_over(&mut self) {
         while let Some(input) = self.input.read_already() {
             if let Input::Reply(reply) = input {
@@ -467,8 +464,7 @@ fn set_up_modes() -> std::io::Result<()> {
     printing::stdout().send(&bytes)
 }
 
-/// Whether the program is on its own screen. It is left only once: leaving it again would restore
-/// the cursor's position, over later output.
+/// Whether the program is on its own screen, which it leaves once: again, it would move the cursor.
 static ON_SCREEN: AtomicBool = AtomicBool::new(false);
 
 /// Whether kitty pictures have been sent, which stay when the text is cleared.

@@ -69,16 +69,11 @@ fn trainer_in(world: &dyn Environment, method: Method, seed: u64) -> Trainer {
 }
 
 /// Returns an app that trains up to so many updates, if they are limited.
-fn app_in(
-    world: &dyn Environment,
-    method: Method,
-    updates: Option<u64>,
-    save: Option<PathBuf>,
-) -> App {
-    let limits = Limits { updates, ..Limits::default() };
+fn app_in(world: &dyn Environment, method: Method, most: Option<u64>, to: Option<PathBuf>) -> App {
+    let limits = Limits { updates: most, ..Limits::default() };
     let engine = Engine::start(trainer_in(world, method, 1), limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let mut app = app_with(engine.link(), viewer, save.map(SaveTo::CreateNew));
+    let mut app = app_with(engine.link(), viewer, to.map(SaveTo::CreateNew));
     // Tests that fail while a run is saved leave nothing in the repository.
     app.saver.folder = std::env::temp_dir().join("gdg-tui-tests");
     let Session { saver, cx, .. } = &mut *app;

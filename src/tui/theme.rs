@@ -281,11 +281,7 @@ pub struct Palette {
 impl Palette {
     /// Chooses from the 256 colours, as near as possible to a theme's colours of distances from near
     /// (0) to far (1), and of errors from too short (0) to too long (1).
-    pub fn of_256(
-        theme: ThemeName,
-        distance: impl Fn(f32) -> Rgb,
-        error: impl Fn(f32) -> Rgb,
-    ) -> Self {
+    fn of_256(theme: ThemeName, distance: impl Fn(f32) -> Rgb, error: impl Fn(f32) -> Rgb) -> Self {
         let [wall, between, hatched] = match theme {
             ThemeName::Light => [238, 254, 250],
             _ => [233, 238, 241],
@@ -382,11 +378,7 @@ mod tests {
             let theme = Theme::new(name, depth);
             let lights: Vec<f32> =
                 (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
-            assert!(
-                lights.windows(2).all(|pair| pair[0] >= pair[1]),
-                "{}: {lights:?}",
-                name.name()
-            );
+            assert!(lights.windows(2).all(|pair| pair[0] >= pair[1]), "{name:?}: {lights:?}");
             assert!(lights[0] > lights[10] + 0.3, "{}: {lights:?}", name.name());
         }
     }

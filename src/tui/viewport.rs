@@ -74,10 +74,8 @@ impl MapFrame {
     pub fn character_of(&self, at: [f32; 2]) -> Option<Position> {
         let (column, row) = self.raster.pixel_of(at)?;
         let (across, down) = self.marker.pixels();
-        Some(Position::new(
-            self.area.x + (column / across) as u16,
-            self.area.y + (row / down) as u16,
-        ))
+        let [x, y] = [column / across, row / down].map(|at| at as u16);
+        Some(Position::new(self.area.x + x, self.area.y + y))
     }
 
     /// Returns the position on the map at the middle of a character.

@@ -28,7 +28,7 @@ const LIBRARY: [Room; 15] = [
     ("learn", 8_823),
     ("bridge", 4_007),
     ("train", 6_982),
-    ("engine", 1_215),
+    ("engine", 1_214),
     ("draw", 810),
     ("viewer", 1_670),
 ];
@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_665),
-    ("tui", 19_237),
+    ("tui", 19_271),
     ("cli", 601),
     ("commands", 999),
 ];

@@ -193,7 +193,7 @@ const TRAINING: &[Binding] = &[
     bind(A::Method, "method", &[], |s, _| {
         s.open(lists::methods(&s.screen.run().method, &s.screen.snapshot.registry));
     })
-    .about("change to another method, keeping the data", "algorithm learner planner switch"),
+    .about("change to another method, keeping the replay", "algorithm learner planner switch"),
     bind(A::Preset, "preset", &[], |s, _| s.open(lists::presets(s.screen.run().preset)))
         .about("change to the settings of a preset", "defaults paper tuned sb3 profile"),
 ];
@@ -254,10 +254,7 @@ const VIEW: &[Binding] = &[
     overlay(Overlay::Path, "path", &["p"])
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
     overlay(Overlay::Ghost, "ghost", &["shift-a"])
-        .about(
-            "the actor alone from the same start, as a ghost, on or off",
-            "pale compare plan walker",
-        )
+        .about("a, the actor alone from the same start, on or off", "ghost pale plan walker")
         .short("alone"),
     watch_scene(A::Inspect, "inspect", &["i"])
         .about("inspect cells with a cursor", "look value info cell query coordinates position")
@@ -348,7 +345,8 @@ const MAP_EDITOR: &[Binding] = &[
 const FILES: &[Binding] = &[
     watch(A::Save, "save", &["s"], |s, _| _ = s.saver.save(&mut s.cx))
         .about("save a checkpoint", "store write keep networks model weights")
-        .short("save"),
+        .short("save")
+        .each(),
     bind(A::SaveAs, "save-as", &[], |s, _| s.open(s.saver.ask_file("name of the checkpoint")))
         .about("save a checkpoint under a name", "store write copy rename"),
     bind(A::TrainCopy, "train-copy", &["shift-c"], |s, _| s.ask_for_copy())
@@ -360,7 +358,8 @@ const FILES: &[Binding] = &[
     watch(A::Export, "export", &["shift-e"], |s, _| {
         s.open(lists::exports(&ExportKind::ALL, s.scene.noun()));
     })
-    .about("export map or curves", "screenshot picture image png svg csv figure capture print"),
+    .about("export map or curves", "screenshot picture image png svg csv figure capture print")
+    .first(),
 ];
 
 const PROGRAM: &[Binding] = &[

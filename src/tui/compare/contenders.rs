@@ -20,7 +20,7 @@ use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading, builtin};
 use gdg::text::sanitized;
-use gdg::train::{self, METHODS, Method, Overrides, Registry, Run, Trainer, settings_from};
+use gdg::train::{self, METHODS, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 #[derive(Clone, Debug)]
 pub enum Contender {
@@ -64,9 +64,10 @@ impl ComparisonOptions {
 
 pub struct Contestant {
     pub trainer: Trainer,
-    /// Letter, method, preset, and settings of this side alone; of a saved run, file and seed.
+    /// Letter, method, and what the other side may not have; of a saved run, file and seed.
     pub title: String,
-    pub is_paused: bool,
+    /// That of a saved run, which begins paused.
+    pub file: Option<PathBuf>,
 }
 
 pub struct Contestants {
@@ -101,9 +102,8 @@ pub fn prepare(
             (Contender::Checkpoint(path), Some((trainer, _))) => {
                 let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
                 let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
-                let title =
-                    format!("{letter} {file}: {method} {} seed {}", run.preset.name(), run.seed);
-                Ok(Contestant { trainer, title, is_paused: true })
+                let title = format!("{letter} {file}: {method} seed {}", run.seed);
+                Ok(Contestant { trainer, title, file: Some(path.clone()) })
             }
             (Contender::Method(method), _) => {
                 begin(method, letter, beside.as_ref(), (options, reading), registry)
@@ -112,7 +112,12 @@ pub fn prepare(
         }
     };
     let [a, b] = saved;
-    let both = [contestant(0, a)?, contestant(1, b)?];
+    let mut both = [contestant(0, a)?, contestant(1, b)?];
+    if both.iter().any(|own| own.trainer.run().preset != Preset::Default) {
+        for own in &mut both {
+            own.title += &format!(" {}", own.trainer.run().preset.name());
+        }
+    }
     let maze = PointMaze::downcast_ref(both[0].trainer.world());
     let warnings = maze.map_or_else(Vec::new, |maze| find_maps::warnings(maze.map()));
     Ok(Contestants { both, warnings })
@@ -199,8 +204,7 @@ fn load(
     Ok((trainer, map))
 }
 
-/// Begins a run of a method: on the map and with the seed of the run beside it, if that is a saved
-/// one.
+/// Begins a run of a method: on the map and with the seed of a saved run beside it, if one is.
 fn begin(
     method: &Method,
     letter: char,
@@ -225,9 +229,9 @@ fn begin(
         (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),
         _ => None,
     });
-    let title = format!("{side} {} {}{}", method.name(), preset.name(), own.collect::<String>());
+    let title = format!("{side} {}{}", method.name(), own.collect::<String>());
     let trainer = setup::begin(run, &maze, registry, options.threads.share(LETTERS.len()))?;
-    Ok(Contestant { trainer, title, is_paused: false })
+    Ok(Contestant { trainer, title, file: None })
 }
 
 /// Parses a method or the path of a checkpoint, and lists the named methods.
@@ -267,8 +271,7 @@ const INTRODUCTION: &str = "Two methods, A and B, train on the same map with the
      Colours show the distance D that each has learned (steps by its Q, of those that learn from \
      rewards); @ walks to G with what it has learned so \
      far, in both from the same start: a race, which the one that arrives wins, or both. Click on \
-     either map to set the goal of both. The editor draws walls and closes doors on both. Only maps \
-     are saved.";
+     either map to set the goal of both. The editor draws walls and closes doors on both.";
 
 /// Returns the text that begins the help, which says what each method is.
 pub fn introduction(methods: [&Method; 2]) -> String {

@@ -60,8 +60,7 @@ impl Race {
         (self.arrived, self.over) = ([None; 2], None);
     }
 
-    /// Takes note of a walk; of one that `stands` still, nothing more is expected once the other has
-    /// arrived.
+    /// Takes note of a walk; of one that `stands`, no more is expected once the other has arrived.
     pub fn observe(&mut self, side: usize, view: &View, stands: bool) {
         let walk = &view.reach;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
@@ -89,8 +88,7 @@ impl Race {
         }
     }
 
-    /// Returns one of the map's own starts, or else a random cell, from which a path leads to
-    /// `goal`.
+    /// Returns a start of the map, or else a random cell, from which a path leads to `goal`.
     pub fn random_start(&mut self, goal: Cell) -> Cell {
         let starts = self.map.starts().to_vec();
         self.draw_connected(starts, goal).unwrap_or_else(|| self.connected_cell(goal))

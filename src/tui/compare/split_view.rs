@@ -3,7 +3,7 @@
 //! ```text
 //! +---------------------------------------------------+
 //! | map, seed, phase                                  |  header
-//! | A method, preset        | B method, preset        |
+//! | A method, what differs  | B method, what differs  |
 //! | map                     | map                     |
 //! | meaning of colours      | meaning of colours      |
 //! | facts                   | facts                   |
@@ -127,7 +127,9 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
         let [back, forth, close] = [Action::Back, Action::Forth, Action::Close].map(key);
         format!(" looking back: {back} {forth} {close}")
     } else {
-        " changes are not saved".to_owned()
+        let snapshots = comparison.sessions.iter().map(|own| &own.screen.snapshot);
+        let is_saved = { snapshots }.all(|own| own.saved.is_some() && own.unsaved_updates() == 0);
+        if is_saved { " saved" } else { " not saved" }.to_owned()
     };
     let room = usize::from(area.width).saturating_sub(bar.width());
     bar.push(Span::styled(fitted(&text, room), DIM), None);
@@ -181,8 +183,8 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
     let [updates, steps] = training::counters(screen);
     let [planned, alone, error] = training::scores(screen);
     let [walk, shortest] = legend::walk(&**scene);
-    let races = ("races", raced, String::new());
-    in_pairs(&[updates, steps, planned, alone, error, races, walk, shortest], width)
+    let arrivals = ("arrivals", raced, String::new());
+    in_pairs(&[updates, steps, planned, alone, error, arrivals, walk, shortest], width)
 }
 
 /// Returns the curves of a side: its success and, if the method plans, that of the actor alone. Colours say

@@ -116,7 +116,7 @@ impl Patches {
             let rows = || rows(picture, area, graphics);
             if !patch.pixels.chunks_exact(3 * size.0 as usize).eq(rows()) {
                 patch.pixels = rows().flatten().copied().collect();
-                encode_patch(&mut out, area, &patch.pixels, size)?;
+                encode(&mut out, area, &patch.pixels, size)?;
             }
             self.shown.push(patch);
         }
@@ -182,17 +182,11 @@ const LAYER: i32 = 1;
 pub const DELETE_ALL: &[u8] = b"\x1b_Ga=d,d=A,q=2\x1b\\";
 
 /// Writes a patch of `pixels`, red, green and blue, at its place.
-fn encode_patch(
-    out: &mut Vec<u8>,
-    area: Rect,
-    pixels: &[u8],
-    size: (u32, u32),
-) -> std::io::Result<()> {
+fn encode(out: &mut Vec<u8>, area: Rect, pixels: &[u8], size: (u32, u32)) -> std::io::Result<()> {
     let data = STANDARD.encode(png(pixels, size)?);
     let (id, columns, rows) = (id(area.as_position()), area.width, area.height);
     write!(out, "\x1b[{};{}H", area.y + 1, area.x + 1)?;
-    // Replaces the picture of the same number; q=2 asks for no answer, C=1 leaves the cursor where
-    // it is.
+    // Replaces the picture of that number; q=2 asks for no answer, C=1 leaves the cursor.
     let mut head = format!("a=T,f=100,i={id},p=1,q=2,C=1,c={columns},r={rows},z={LAYER},");
     let mut chunks = data.as_bytes().chunks(CHUNK_BYTES).peekable();
     while let Some(chunk) = chunks.next() {
@@ -266,11 +260,7 @@ mod tests {
     fn a_picture_is_covered_once_and_sent_once() {
         let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::default());
         let screen = screen(&[&picture]);
-        assert_eq!(
-            sent(&mut patches, &[&picture], &screen).matches("a=T").count(),
-            25,
-            "five by five"
-        );
+        assert_eq!(sent(&mut patches, &[&picture], &screen).matches("a=T").count(), 25, "5 x 5");
         let expected: Vec<u32> =
             SCREEN.positions().map(|at| u32::from(AREA.contains(at))).collect();
         assert_eq!(covered(&patches), expected);
@@ -330,7 +320,7 @@ mod tests {
         });
         let (area, pixels, mut out) =
             (Rect::new(3, 4, 40, 2), noise.collect::<Vec<_>>(), Vec::new());
-        encode_patch(&mut out, area, &pixels, (80, 40)).expect("encoded");
+        encode(&mut out, area, &pixels, (80, 40)).expect("encoded");
         let text = String::from_utf8(out).expect("text");
         let chunks: Vec<&str> = text.split("\x1b_G").collect();
         assert_eq!(chunks[0], "\x1b[5;4H", "row and column count from 1");

@@ -208,13 +208,8 @@ pub fn draw_notice(frame: &mut Frame, foot: Rect, theme: &Theme, notice: Notice)
 
 /// Returns the actions of `mode` that have a short name, do something in one of the runs and fit: where
 /// room is short, those in the middle are left out, but not the panes if they are hidden.
-pub fn keys(
-    runs: &[(&Screen, &Scene)],
-    mode: Mode,
-    width: u16,
-    lacks_panel: bool,
-) -> ClickableLine {
-    let Some((screen, scene)) = runs.first() else { return ClickableLine::default() };
+pub fn keys(of: &[(&Screen, &Scene)], mode: Mode, width: u16, lacks_panel: bool) -> ClickableLine {
+    let Some((screen, scene)) = of.first() else { return ClickableLine::default() };
     let mut keys: Vec<(Action, &str)> = Vec::new();
     let own = scene.mode(screen);
     let is_shown = |b: &&Binding| match own {
@@ -223,7 +218,7 @@ pub fn keys(
     };
     let does = |b: &&Binding| {
         let offers = |run: &(&Screen, &Scene)| legend::offers(&**run.1, run.0, b.action);
-        !b.short.is_empty() && runs.iter().any(offers)
+        !b.short.is_empty() && of.iter().any(offers)
     };
     for binding in bindings().filter(does).filter(is_shown) {
         let label = match binding.action {
@@ -273,13 +268,8 @@ pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
         bar.push(Span::styled(" EDIT", BOLD.patch(REVERSED)), None);
         for tool in tools {
             let style = if *tool == editor.tool { REVERSED } else { Style::new() };
-            key(
-                &mut bar,
-                &screen.keymap,
-                Action::Tool(*tool),
-                &format!(" {}", tool.about().0),
-                style,
-            );
+            let label = format!(" {}", tool.about().0);
+            key(&mut bar, &screen.keymap, Action::Tool(*tool), &label, style);
         }
         bar.push(" ".into(), None);
         for (action, label) in keys {

@@ -232,8 +232,7 @@ fn draw_prompt(frame: &mut Frame, screen: &Screen, prompt: &Prompt, layout: &mut
     frame.render_widget(Paragraph::new(text), below);
 }
 
-/// Draws the box around a dialog, which accepts something or only closes, with its buttons at the bottom;
-/// returns the area inside.
+/// Draws the box around a dialog, with its buttons; returns the area inside.
 fn draw_box(
     frame: &mut Frame,
     dialog_area: Rect,
@@ -262,21 +261,16 @@ fn draw_box(
     }
     bar.push(Span::raw(" Esc: close "), Click::Close);
     let width = (bar.width() as u16).min(inner.width);
-    bar.draw(
-        frame,
-        Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner },
-        layout,
-    );
+    let foot = Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner };
+    bar.draw(frame, foot, layout);
     layout.dialog = dialog_area;
     inner
 }
 
 fn set_cursor(frame: &mut Frame, line: Rect, column: usize) {
     if !line.is_empty() {
-        frame.set_cursor_position(Position::new(
-            line.x + (column as u16).min(line.width - 1),
-            line.y,
-        ));
+        let x = line.x + (column as u16).min(line.width - 1);
+        frame.set_cursor_position(Position::new(x, line.y));
     }
 }
 

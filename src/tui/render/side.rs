@@ -1,5 +1,4 @@
-//! The panel beside the map: the names of its panes, the selected pane, and more panes if there is
-//! room.
+//! The panel beside the map: names of its panes, the selected pane, and more if there is room.
 
 pub mod training;
 

@@ -1,5 +1,4 @@
-//! The rows of the list: filter, order, marks and selection; and what is resumed, compared or
-//! deleted.
+//! The rows of the list: filter, order, marks, selection; what is resumed, compared or deleted.
 
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};

@@ -139,10 +139,8 @@ pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
     let style = Style::new().fg(screen.theme.colour(rgb));
     // Use the map's wall colour as a ground, since it is darker than a light page.
     let is_faint = page.is_some_and(|(_, ground)| distance(rgb, ground) < FAINT);
-    Span::styled(
-        sign.to_string(),
-        if is_faint { style.bg(screen.theme.colour(*wall)) } else { style },
-    )
+    let style = if is_faint { style.bg(screen.theme.colour(*wall)) } else { style };
+    Span::styled(sign.to_string(), style)
 }
 
 /// Signs closer to the page's colour than this, summed over the channels, get another ground.
@@ -188,9 +186,8 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("waypoint", "what the agent heads for next"),
     ("D to it", "steps to that, as learned"),
     ("ahead", "waypoints of the plan still to come"),
-    ("arrivals", "walks that arrived, of those that ended"),
+    ("arrivals", "walks that arrived, of those that ended; in comparisons, races from one start"),
     ("then", "what happens when the agent arrives"),
-    ("races", "in comparisons: both @ walk from one start to one G; arrived, of all"),
 ];
 
 pub fn stands(ghost: &Ghost) -> bool {
@@ -244,8 +241,8 @@ pub fn both_walks(scene: &dyn SceneKind, screen: &Screen) -> Option<Vec<String>>
     let full = format!("@ planned: {plan}; a, the actor alone: {actor}");
     let both = reach.arrived && ghost.arrived;
     let who = both.then(|| format!("{full}: {}", difference(reach.steps, ghost.steps)));
-    let short = format!("@ {plan}; a alone: {actor}").replace("arrived, ", "");
-    let least = short.replace(" alone:", "");
+    let short = format!("@ {plan}; a, the actor alone: {actor}").replace("arrived, ", "");
+    let least = short.replace(", the actor alone", "");
     Some(who.into_iter().chain([full, short, least]).collect())
 }
 

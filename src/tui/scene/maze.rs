@@ -266,8 +266,7 @@ impl SceneKind for MazeState {
     }
 
     fn show(&mut self, view: Arc<View>, screen: &mut Screen) {
-        // Follow goals chosen by the walking agent itself, but not those older than the latest goal
-        // request.
+        // Follow goals that the walking agent chooses, but none older than the latest request.
         if let (Some(goal), number) = &view.goal
             && screen.on_arrival == OnArrival::Visit
             && *number == screen.goal_request

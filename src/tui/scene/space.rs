@@ -382,8 +382,7 @@ impl SceneKind for SpaceState {
                 screen.explains = false;
                 self.dragged_from = Some(at);
                 match button {
-                    // There, a drag turns the projection; a click sets the goal once the button is
-                    // released.
+                    // There, a drag turns the projection; a click counts on release.
                     MouseButton::Left if projection.angle == Some(Angle::Free) => {}
                     MouseButton::Left => self.set_goal(point, screen),
                     MouseButton::Right => {

@@ -59,6 +59,8 @@ impl Session {
                 if choice.is_none() {
                     let text = format!("nothing in the list fits \"{}\"", picker.typed().0);
                     self.screen.notify(&text);
+                }
+                if choice.is_none() || picker.stays {
                     self.open(picker);
                 }
                 return choice;
@@ -72,9 +74,7 @@ impl Session {
     fn accept(&mut self, prompt: Prompt) {
         let typed = prompt.typed().0.trim().to_owned();
         let done = match doubt(&prompt.question, &typed, &self.cx) {
-            Ok(Some(question)) => {
-                return self.screen.dialogs.extend([prompt.into(), question.into()]);
-            }
+            Ok(Some(asked)) => return self.screen.dialogs.extend([prompt.into(), asked.into()]),
             Ok(None) => self.apply(&prompt.question, &typed),
             Err(problem) => Err(problem),
         };

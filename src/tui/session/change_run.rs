@@ -30,8 +30,7 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
     }
 }
 
-/// Continues as `run`. The file of what was learned before is not replaced by what new networks
-/// learn.
+/// Continues as `run`. New networks do not replace the file of what was learned before.
 pub fn change_to(run: Run, saver: &mut Saver, cx: &mut Cx) {
     let resets = resets_networks(cx.screen.run(), &run);
     let [before, now] = [cx.screen.run(), &run].map(|run| run.method.name());
@@ -108,10 +107,6 @@ pub fn ask_setting(name: String, cx: &mut Cx) {
     let hint = setting.map_or(String::new(), |setting| {
         format!("{}: {}; {}", setting.about, setting.values, setting.effect.about())
     });
-    cx.screen.open(Prompt::new(
-        Question::Setting(name.clone()),
-        format!("value of {name}"),
-        hint,
-        value,
-    ));
+    let title = format!("value of {name}");
+    cx.screen.open(Prompt::new(Question::Setting(name), title, hint, value));
 }

@@ -35,8 +35,7 @@ fn read(cx: &mut Cx, what: &str, read: impl FnOnce(&Job) -> ShowResult + Send + 
     cx.reading = Some(reading);
 }
 
-/// Shows what has been read or written meanwhile, or how long it takes; returns whether the screen
-/// changes.
+/// Shows what has been read or written, or how long it takes; returns whether there is any.
 pub fn on_tick(cx: &mut Cx) -> bool {
     let both = [&mut cx.reading, &mut cx.writing];
     let done: Vec<Running<ShowResult>> =
@@ -123,8 +122,7 @@ pub fn save_map(cx: &mut Cx, name: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Returns what a file for the map called `path` would lack, and the one there has, if anything; and a
-/// file that has it all.
+/// Returns what a file for the map would lack, or lose of its own, and a file that would not.
 pub fn loss(cx: &Cx, path: PathBuf) -> (Option<String>, PathBuf) {
     let Some(maze) = cx.scene.maze() else { return (None, path) };
     let format = format_for(&path);
@@ -134,10 +132,8 @@ pub fn loss(cx: &Cx, path: PathBuf) -> (Option<String>, PathBuf) {
         return (there, path);
     }
     let lost = format!("the format {} has no {lost}", format.name);
-    (
-        there.into_iter().chain([lost]).reduce(|there, lost| there + "; " + &lost),
-        path.with_extension("txt"),
-    )
+    let all = there.into_iter().chain([lost]).reduce(|there, lost| there + "; " + &lost);
+    (all, path.with_extension("txt"))
 }
 
 /// Lists the maps in `folder`, or by default built-in maps and those in the current folder.
@@ -200,8 +196,7 @@ pub fn checkpoint_file(name: &str) -> PathBuf {
     if plain { Path::new(SAVES).join(path) } else { path }
 }
 
-/// Returns whether to list a file (or folder, if `is_folder`) for opening a map: not a text of
-/// another kind.
+/// Returns whether to list a file, or folder, for opening a map: no text of another kind.
 fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
     let has = |extension| has_extension(path, extension);
     // Any picture is a map.

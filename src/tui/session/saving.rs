@@ -28,8 +28,7 @@ use gdg::train::{self, Notes, SaveTo, Trainer};
 /// Unsaved training that quitting may discard without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
 
-/// How long quitting waits for its checkpoint before it closes as after a signal: an environment may
-/// hang.
+/// How long quitting waits for its checkpoint: an environment may hang. Then it closes.
 const LONGEST_WAIT_TO_QUIT: Duration = Duration::from_secs(5);
 
 /// Saves the run, and knows whether the program quits.
@@ -48,7 +47,7 @@ pub struct Saver {
     /// The map when a checkpoint was last saved automatically.
     autosaved_map: Option<Arc<Grid>>,
     /// The checkpoint that is asked for and not written yet: since when, and the map in it.
-    awaited: Option<(Instant, Option<Arc<Grid>>)>,
+    pub awaited: Option<(Instant, Option<Arc<Grid>>)>,
     pub is_done: bool,
     /// What to do once the checkpoint is written. If it cannot be written and that is to quit, the
     /// user is asked for another file.
@@ -57,7 +56,7 @@ pub struct Saver {
     was_training: bool,
     /// Whether there was an internal error.
     pub has_failed: bool,
-    /// Whether a failure opens a dialog that offers to save: a comparison saves nothing.
+    /// Whether a failure opens a dialog that offers to save: not in a comparison.
     pub offers: bool,
 }
 
@@ -84,8 +83,7 @@ impl Saver {
         }
     }
 
-    /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded
-    /// it.
+    /// Chooses the file of the run in `snapshot`: a file belongs to who wrote or loaded it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
         let saved = saved.as_ref().filter(|(_, path)| !belongs_to_result(path));
@@ -152,11 +150,9 @@ impl Saver {
         cx.screen.command(EngineCommand::Autosave(own, others, notes(cx)));
     }
 
-    /// Handles a request to quit. A checkpoint that is asked for and not written yet, as the
-    /// environment may hang, is written on closing.
+    /// Handles a request to quit. A checkpoint that is still awaited is written on closing.
     pub fn quit(&mut self, cx: &mut Cx) {
         if self.awaited.is_some() {
-            self.named.get_or_insert_with(|| self.to.path().to_owned());
             self.is_done = true;
         } else if self.named.is_some() {
             self.save_and_quit(cx);
@@ -254,8 +250,7 @@ impl Saver {
         }
     }
 
-    /// Handles a signal to end the program, which cannot ask: whatever is unsaved will be saved on
-    /// closing.
+    /// Handles a signal, which cannot ask: whatever is unsaved will be saved on closing.
     pub fn on_signal(&mut self, cx: &Cx) {
         if is_unsaved(cx) && self.named.is_none() {
             self.named = Some(self.to.path().to_owned());
@@ -278,8 +273,7 @@ fn has_unsaved_changes(cx: &Cx) -> bool {
         || cx.scene.has_unsaved_map()
 }
 
-/// Whether enough is unsaved to ask about it: training, any change of the map or the settings, or an
-/// evaluation of what was saved.
+/// Whether enough is unsaved to ask about it: training, or any change of what was saved.
 pub fn is_worth_saving(cx: &Cx) -> bool {
     cx.screen.snapshot.unsaved_seconds() > MAX_DISCARDED_SECS || has_unsaved_changes(cx)
 }
@@ -305,7 +299,8 @@ impl Session {
         let _waiting = Waiting::begin(&job, TWICE, terminal::restore);
         let failed =
             self.saver.has_failed || matches!(self.screen.snapshot.phase, Phase::Failed(_));
-        let (is_wanted, is_worth_saving) = (self.saver.named.is_some(), is_worth_saving(&self));
+        let is_wanted = self.saver.named.is_some() || self.saver.awaited.is_some();
+        let is_worth_saving = is_worth_saving(&self);
         let (notes, is_changed) = (notes(&self), has_unsaved_changes(&self));
         let Self { saver, cx, .. } = self;
         let (shown, snapshots) = (cx.screen.snapshot.clone(), engine.snapshots());

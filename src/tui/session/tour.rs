@@ -296,8 +296,7 @@ fn points_along(stops: &[[f32; 2]]) -> Vec<[f32; 2]> {
     stops.windows(2).flat_map(between).collect()
 }
 
-/// Returns the steps between two positions without walls: at most one cell per step along each
-/// axis.
+/// Returns the steps between two positions without walls: a cell a step along each axis.
 fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
     (from[0] - to[0]).abs().max((from[1] - to[1]).abs())
 }

@@ -38,9 +38,9 @@ impl App {
 fn comparison_with(methods: [&str; 2], limits: Limits) -> (App, [Engine; 2]) {
     let [a, b] = methods.map(|method| (trainer(method, 1), method));
     let contestants = [(a, 'A'), (b, 'B')].map(|((trainer, method), letter)| Contestant {
-        title: format!("{letter} {method} {}", trainer.run().preset.name()),
+        title: format!("{letter} {method}"),
         trainer,
-        is_paused: false,
+        file: None,
     });
     start(contestants, limits)
 }
@@ -231,8 +231,8 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
         |options| prepare(&options, &gdg::map::Reading::default(), registry, &Job::default());
     let prepared = prepare(options([saved.clone(), method()]));
     let [a, b] = prepared.expect("a run beside a method").both;
-    assert_eq!([a.is_paused, b.is_paused], [true, false]);
-    assert_eq!(a.title, "A own.safetensors: gdg-bridge default seed 7");
+    assert_eq!([a.file.is_some(), b.file.is_some()], [true, false]);
+    assert_eq!(a.title, "A own.safetensors: gdg-bridge seed 7 default");
     assert_eq!((b.title.as_str(), b.trainer.run().seed), ("B her tuned", 7));
     let map = |contestant: &Contestant| {
         PointMaze::downcast_ref(contestant.trainer.world()).expect("a maze").map().clone()
@@ -250,10 +250,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
         (ComparisonOptions { map: Some("trap".into()), ..own.clone() }, "the map is that of"),
         (ComparisonOptions { seed: Some(1), ..own.clone() }, "have their own seeds"),
         (ComparisonOptions { set: set("hidden"), ..own.clone() }, "changes no method"),
-        (
-            ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) },
-            "changes no method",
-        ),
+        (ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) }, "changes no"),
         (options([arm, method()]), "is of a world without a map"),
         (options([Contender::Checkpoint("none".into()), method()]), "none"),
     ] {
@@ -261,6 +258,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
         assert!(error.to_string().contains(problem), "{error}");
     }
     let contestants = prepare(own).expect("two saved runs").both;
+    assert_eq!(contestants[1].title, "B other.safetensors: her seed 8 tuned");
     let (mut comparison, _engines) = start(contestants, Limits::default());
     let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
@@ -272,6 +270,26 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     wait_until(&mut comparison, |apps| {
         apps.into_iter().all(|app| app.screen.snapshot.updates() > 0 || app.is_training())
     });
+}
+
+#[test]
+fn both_sides_are_saved_and_exported_each_to_its_own_file_with_one_message() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut comparison = comparison();
+    for app in comparison.apps() {
+        app.saver.to = SaveTo::CreateNew(folder.path().join("run.safetensors"));
+    }
+    let header = |app: &mut App| shown_by(app, 200, 40).lines().next().map(str::to_owned);
+    assert!(header(&mut comparison).is_some_and(|line| line.contains(" not saved")));
+    press(&mut comparison, KeyCode::Char('s'));
+    wait_until(&mut comparison, |apps| apps.iter().all(|app| app.screen.snapshot.saved.is_some()));
+    let file = |app: &Session| app.saver.to.path().file_name().map(std::ffi::OsStr::to_owned);
+    let [a, b] = comparison.apps().map(|app| file(app));
+    assert!(a != b && std::fs::read_dir(folder.path()).expect("files").count() == 2);
+    comparison.on_tick();
+    let shown = shown_by(&mut comparison, 200, 40);
+    assert!(shown.contains("A: saved ") && shown.contains("; B: saved "), "{shown}");
+    assert!(header(&mut comparison).is_some_and(|line| line.contains(" saved")));
 }
 
 fn maps(comparison: &mut App) -> [Arc<Grid>; 2] {

@@ -23,6 +23,21 @@ fn errors_are_shown_in_full_and_in_their_own_colour() {
 }
 
 #[test]
+fn that_the_actor_alone_has_learned_what_plans_found_is_said_once() {
+    let mut app = staged::staged_app(80, 24);
+    for (alone, says) in [(0.8, false), (0.93, true), (0.95, false)] {
+        app.screen.log.take();
+        app.change_snapshot(|latest| {
+            let mut found = staged::evaluation(0.5);
+            found.alone.success = Some(alone);
+            Arc::make_mut(&mut latest.evaluations).push((latest.counters.updates, found));
+        });
+        let said = "the actor alone reaches 0.93: plans taught it";
+        assert_eq!(shown_by(&mut app, 80, 24).contains(said), says, "{alone}");
+    }
+}
+
+#[test]
 fn whoever_decides_sees_all_that_is_at_stake_on_a_small_screen() {
     let path = Path::new("saves").join(format!("{}END.safetensors", "a-very-long-name-".repeat(6)));
     let mut unsaved = Snapshot::clone(&still().screen.snapshot);

@@ -101,11 +101,7 @@ fn pixels_are_for_terminals_with_pictures_and_colours() {
         app.screen.theme = Theme::new(theme, depth);
         app.set_graphics(graphics, Redraw::All);
         draw(&mut app, 80, 24);
-        assert_eq!(
-            !app.pictures().is_empty(),
-            are_shown,
-            "{marker:?} {graphics:?} {theme:?} {depth:?}"
-        );
+        assert_eq!(!app.pictures().is_empty(), are_shown, "{marker:?} {theme:?} {depth:?}");
     }
 }
 
@@ -138,4 +134,24 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let dark = |x: usize| row[x][1] > 38 && row[x][0] < 60;
     let walls = (1..*columns).filter(|x| dark(*x) && !dark(*x - 1)).count();
     assert_eq!(walls, 12);
+}
+
+#[test]
+fn without_colours_signs_are_on_floor() {
+    let row = |y| if y % 4 == 0 { ".###########\n" } else { "............\n" };
+    let map = parse_map("rows", (0..21).map(row).collect::<String>().as_bytes()).expect("a map");
+    let mut app = still_on(map.clone(), gdg());
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
+    for y in (0..21).filter(|y| y % 4 > 0) {
+        app.set_goal(Cell::new(7, y));
+        let shown = draw(&mut app, 80, 24);
+        let frame = app.screen.layout.map.clone().expect("the map is drawn");
+        let is_goal = |at: &Position| shown.backend().buffer()[*at].symbol() == "G";
+        let at = frame.area.positions().find(is_goal).expect("a goal");
+        assert!(frame.cells_at(at, &map).iter().all(|cell| map.is_free(*cell)), "row {y}");
+    }
+    let mut app = staged::staged_app(80, 24);
+    assert!(shown_by(&mut app, 80, 24).contains('\u{25c6}'));
+    app.change_cell(Cell::new(13, 1), false);
+    assert!(!shown_by(&mut app, 80, 24).contains('\u{25c6}'), "a wall has been drawn there");
 }

@@ -234,10 +234,8 @@ fn what_is_unsaved_is_asked_about_on_quit_and_saved_on_a_signal() {
         press(&mut app, KeyCode::Char('q'));
         assert_eq!(app.is_done(), !asks, "{seconds} s");
         let asked = shown_by(&mut app, 80, 24);
-        assert_eq!(
-            asked.contains(&format!("{} unsaved updates", gdg::text::grouped(updates))),
-            asks
-        );
+        let lost = format!("{} unsaved updates", gdg::text::grouped(updates));
+        assert_eq!(asked.contains(&lost), asks);
         app.on_signal();
         assert_eq!(is_named(&app), updates > 0, "a signal saves what quitting would discard");
     }
@@ -292,7 +290,7 @@ fn a_checkpoint_that_is_not_written_yet_is_written_on_closing() {
         ask.iter().for_each(|action| app.act(*action));
         assert!(!app.is_done());
         app.act(Action::Quit);
-        assert!(app.is_done() && app.saver.named.as_ref() == Some(&path));
+        assert!(app.is_done() && app.saver.awaited.is_some() && app.saver.to.path() == path);
     }
 }
 
@@ -429,10 +427,7 @@ fn everything_can_be_exported() {
             }
             _ => {
                 let columns = |line: &str| line.split(',').count();
-                assert!(
-                    text.starts_with("event,seconds,updates,") && columns(&text) > 10,
-                    "{text}"
-                );
+                assert!(text.starts_with("event,seconds,updates,") && columns(&text) > 10);
                 let head = text.lines().next().map_or(0, columns);
                 assert!(text.lines().all(|line| columns(line) == head), "{text}");
                 assert!(text.lines().last().is_some_and(|last| last.contains(",10000,")));

@@ -39,8 +39,7 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
     }
 }
 
-/// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the
-/// given size.
+/// Returns an app in the middle of a run, with fixed numbers, drawn once at the given size.
 pub(super) fn staged_app(width: u16, height: u16) -> Still {
     let mut app = still();
     draw(&mut app, width, height);

@@ -25,8 +25,7 @@ pub struct Editor {
     shown: usize,
 }
 
-/// An unfinished stroke: the mouse button is still down, or the second of two key presses is still
-/// to come.
+/// An unfinished stroke: until the button is released, or the second key press.
 #[derive(Clone)]
 struct Stroke {
     free: bool,
@@ -288,17 +287,9 @@ mod tests {
         assert_eq!(drawn(Tool::Line, [(1, 0), (4, 3)]), "S#...\n..#..\n..##.\n....#\n");
         assert_eq!(drawn(Tool::Rectangle, [(1, 1), (3, 3)]), "S....\n.###.\n.###.\n.###G\n");
         let floor = "S....\n.....\n.....\n....G\n";
-        assert_eq!(
-            drawn(Tool::Fill, [(2, 2), (2, 2)]),
-            floor,
-            "the wall is filled, but no map is without floor"
-        );
+        assert_eq!(drawn(Tool::Fill, [(2, 2), (2, 2)]), floor, "no map is without floor");
         assert_eq!(drawn(Tool::Start, [(0, 0), (2, 1)]), ".....\n..S..\n..#..\n....G\n");
-        assert_eq!(
-            drawn(Tool::Goal, [(4, 3), (2, 2)]),
-            "S....\n.....\n..#..\n.....\n",
-            "walls hold no goal"
-        );
+        assert_eq!(drawn(Tool::Goal, [(4, 3), (2, 2)]), "S....\n.....\n..#..\n.....\n", "none");
     }
 
     #[test]

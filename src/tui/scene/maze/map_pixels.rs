@@ -87,18 +87,13 @@ struct PixelsKey {
 }
 
 impl PixelsKey {
-    fn new(
-        frame: &MapFrame,
-        character: Option<(u16, u16)>,
-        maze: &MazeState,
-        screen: &Screen,
-    ) -> Self {
+    fn new(frame: &MapFrame, size: Option<(u16, u16)>, maze: &MazeState, screen: &Screen) -> Self {
         let view = &maze.view;
         let is_computed = view.field().is_some_and(|(_, raster)| raster == frame.raster)
             && (view.past.is_some() || view.kind == screen.field);
         Self {
             frame: frame.clone(),
-            character,
+            character: size,
             theme: screen.theme.name,
             overlays: screen.overlays,
             map: maze.map.clone(),
@@ -148,9 +143,8 @@ struct BaseLayer {
 
 pub fn draw(pane: Rect, maze: &MazeState, on: &mut Drawing) {
     let Drawing { frame, screen, layout, cache } = on;
-    let Some(map_frame) = MapFrame::fit(pane, &maze.map, screen.marker, maze.viewport) else {
-        return;
-    };
+    let marker = screen.marker.at(screen.theme.depth);
+    let Some(map_frame) = MapFrame::fit(pane, &maze.map, marker, maze.viewport) else { return };
     layout.map = Some(map_frame.clone());
     let area = map_frame.area;
     let character = screen.picture_character().filter(|_| cache.has_pictures);
@@ -448,18 +442,21 @@ fn draw_signs(painter: &mut Painter, maze: &MazeState) {
     for (marks, letter) in [(maze.map.starts(), 's'), (maze.map.goals(), 'g')] {
         for cell in marks {
             let rgb = ink(painter.canvas.colour(cell.centre()));
-            painter.canvas.symbol(cell.centre(), letter, Some(rgb));
+            let at = (painter.place)(&cell.centre()).unwrap_or(cell.centre());
+            painter.canvas.symbol(at, letter, Some(rgb));
         }
     }
     if painter.shows(Overlay::Agents) && !is_past {
-        for at in screen.snapshot.frontier_goals.chunks_exact(2).filter_map(painter.place) {
+        // A wall may have been drawn there since.
+        let goals = screen.snapshot.frontier_goals.chunks_exact(2);
+        for at in goals.filter(|at| maze.map.is_free_at(at[0], at[1])).filter_map(painter.place) {
             painter.canvas.mark(at, FRONTIER_SIGN, theme.frontier);
         }
     }
     if !is_past {
         painter.letter((painter.place)(&maze.view.reach.start), 'S', theme.walker, 0.36);
     }
-    painter.canvas.letter(shown_cell(maze).centre(), 'G', theme.goal, 0.45);
+    painter.letter((painter.place)(&shown_cell(maze).centre()), 'G', theme.goal, 0.45);
     // Without plans, @ is the actor alone.
     let shows = painter.shows(Overlay::Ghost) && screen.run().method.plans();
     if let Some(ghost) = maze.view.reach.ghost.as_ref().filter(|_| shows && !is_past) {
@@ -490,10 +487,8 @@ fn draw_minimap(area: Rect, maze: &MazeState, on: &mut Drawing) {
     };
     let inner =
         Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
-    let Some(map_frame) = MapFrame::fit(inner, &maze.map, Marker::Quadrant, Viewport::default())
-    else {
-        return;
-    };
+    let (marker, whole) = (Marker::Quadrant.at(theme.depth), Viewport::default());
+    let Some(map_frame) = MapFrame::fit(inner, &maze.map, marker, whole) else { return };
     let (width, height) = (map_frame.area.width + 2, map_frame.area.height + 2);
     let (right, bottom) =
         (area.right().saturating_sub(width), area.bottom().saturating_sub(height));

@@ -32,9 +32,9 @@ const NEAR: f32 = 24.0;
 /// Draws the space into the first area, and the line below it into the second.
 pub fn draw([area, info]: [Rect; 2], state: &SpaceState, mut on: Drawing) {
     let Drawing { frame, screen, layout, .. } = &mut on;
-    let mut title = None;
+    let (mut title, marker) = (None, screen.marker.at(screen.theme.depth));
     match &screen.snapshot.scene {
-        WorldScene::Arm(_) => layout.projections = arrange(area, &state.shown, screen.marker),
+        WorldScene::Arm(_) => layout.projections = arrange(area, &state.shown, marker),
         WorldScene::Goals(space) => {
             let parts = Layout::vertical([Constraint::Length(1), Constraint::Fill(1)]);
             let [name, area] = parts.areas(area);
@@ -42,7 +42,6 @@ pub fn draw([area, info]: [Rect; 2], state: &SpaceState, mut on: Drawing) {
             let axes = state.axes(count);
             let ranges = axes.map(|axis| state.range(axis, space));
             let to_scale = spec.position_scale.is_some() && axes[0] != axes[1];
-            let marker = screen.marker;
             let shown = Projection::of_components(area, (axes, count), ranges, to_scale, marker);
             title = shown.as_ref().map(|shown| (name, slice_title(shown, axes, state, space)));
             layout.projections = shown.into_iter().collect();
@@ -115,10 +114,8 @@ fn draw_projection(
             let way = painter.places(&reach.way);
             painter.plan(&way, &stops[..stops.len().saturating_sub(1)]);
         }
-        painter.own_trail(
-            &painter.places([&reach.start].into_iter().chain(&reach.trail)),
-            f32::INFINITY,
-        );
+        let trail = painter.places([&reach.start].into_iter().chain(&reach.trail));
+        painter.own_trail(&trail, f32::INFINITY);
         if let Some(pose) = &view.pose {
             draw_skeleton(&mut painter, pose);
         }

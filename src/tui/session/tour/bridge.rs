@@ -10,8 +10,7 @@ use gdg::env::{Environment, PointMaze};
 use gdg::learn::Scratch;
 use gdg::map::{Cell, Grid, StepSearch};
 
-/// Candidates among which one look searches for a bridge, and how far apart the samples of two looks
-/// are.
+/// Candidates in a look for a bridge, and how far apart the samples of two looks are.
 const SAMPLE: usize = 64;
 const NEXT_SAMPLE: usize = 41;
 
