@@ -8,12 +8,15 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     let args = ["compare", "gdg-bridge", "her", "trap", "--seed", "4", "--set", "B:agents=8"];
     let mut session = Session::start(folder.path(), &args);
     session.wait_for("A gdg-bridge default");
-    session.wait_for("B her tuned agents=8");
+    session.wait_for("B her agents=8 tuned");
     session.wait_for("Space pause");
-    session.press_for("?", "maps are saved");
+    session.press_for("?", "Two methods, A and B");
     // An escape immediately followed by other bytes would be a different key.
-    session.close("maps are saved");
+    session.close("Two methods, A and B");
     session.press_for(" ", "paused");
+    session.press_for("E", "map as PNG");
+    session.press_for("\r", "; B: wrote exports/trap-");
+    assert_eq!(std::fs::read_dir(folder.path().join("exports")).unwrap().count(), 2);
     session.press_for("?axis\r", "success over environment steps");
     for (cols, rows) in [(1, 1), (200, 60), (40, 10)] {
         session.master.resize(size(cols, rows)).unwrap();

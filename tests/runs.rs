@@ -213,7 +213,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     session.wait_for(" seed 5");
     std::fs::write(path("own.safetensors"), &checkpoint).unwrap();
     session.wait_for(" seed 0");
-    session.press_for("C", "train a copy, saved as");
+    session.press_for("C", "name of the copy");
     session.press_for("\u{15}own.safetensors\r", "saved saves/own.safetensors at update 20");
     session.press("q");
     assert_eq!(session.end(), 0);

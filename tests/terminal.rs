@@ -100,7 +100,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     again.press_for(" ", "paused");
     again.press_for("s", "saved saves/rooms-gdg-bridge-seed3.safetensors");
     // The checkpoint list shows it too.
-    again.press_for("L", "load a checkpoint");
+    again.press_for("L", "checkpoint");
     again.wait_for("rooms gdg-bridge");
     again.press_for("\r", "loaded saves/rooms-gdg-bridge-seed3.safetensors");
     // Maps in the folder are listed below the built-in ones.

@@ -407,7 +407,7 @@ fn a_name_that_is_too_long_is_refused_where_it_is_typed() {
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
     session.press(":");
-    session.press_for("save-as\r", "save the checkpoint as");
+    session.press_for("save-as\r", "name of the checkpoint");
     session.press(&format!("{}\r", "x".repeat(300)));
     session.wait_for("more than the 255");
     session.signal("KILL");

@@ -273,7 +273,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
 }
 
 #[test]
-fn both_sides_are_saved_and_exported_each_to_its_own_file_with_one_message() {
+fn both_sides_are_saved_each_to_its_own_file_with_one_message() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut comparison = comparison();
     for app in comparison.apps() {
