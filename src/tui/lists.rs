@@ -283,12 +283,7 @@ pub fn leave(
 }
 
 /// Asks whether to write what would replace the files `there`, or lose something, unlike `other`.
-pub fn replacement(
-    there: Option<String>,
-    lost: Option<String>,
-    own: &str,
-    other: String,
-) -> Picker {
+pub fn replace(there: Option<String>, lost: Option<String>, own: &str, other: String) -> Picker {
     let [title, label] = match there {
         Some(_) => ["replace what is there?", "replace"],
         None => ["save without all of it?", "save it so"],

@@ -202,5 +202,5 @@ fn doubt(question: &Question, typed: &str, cx: &Cx) -> Result<Option<Picker>, St
     let there = there.reduce(|file, image| format!("{file} and {image}"));
     let other = unused_path(&other).display().to_string();
     let asks = there.is_some() || lost.is_some();
-    Ok(asks.then(|| lists::replacement(there, lost, typed, other)))
+    Ok(asks.then(|| lists::replace(there, lost, typed, other)))
 }

@@ -23,6 +23,17 @@ fn errors_are_shown_in_full_and_in_their_own_colour() {
 }
 
 #[test]
+fn dialogs_begin_in_the_same_row() {
+    let tops = [Action::Settings, Action::NewSeed, Action::SaveAs].map(|action| {
+        let mut app = still();
+        app.act(action);
+        draw(&mut app, 120, 40);
+        app.screen.layout.dialog.y
+    });
+    assert_eq!(tops, [tops[0]; 3]);
+}
+
+#[test]
 fn that_the_actor_alone_has_learned_what_plans_found_is_said_once() {
     let mut app = staged::staged_app(80, 24);
     for (alone, says) in [(0.8, false), (0.93, true), (0.95, false)] {

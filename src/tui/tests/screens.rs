@@ -157,9 +157,7 @@ fn every_field_can_be_shown() {
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {
-            Field::True => {
-                assert_eq!(value, 19.0, "from the left to the goal in the lower right corner");
-            }
+            Field::True => assert_eq!(value, 19.0, "from the left to the lower right corner"),
             Field::Plain => assert!(value.is_nan()),
             Field::OverEach => {
                 let (view, policy) = (&app.maze().view, &app.screen.snapshot.networks.policy);

@@ -148,9 +148,8 @@ fn the_arm_can_be_drawn_at_every_size_and_magnification_and_exported() {
         // A click on the only character may have opened a pane.
         app.screen.maximised = false;
     }
-    app.change_snapshot(|snapshot| {
-        snapshot.evaluations = Arc::new(vec![(500, staged::evaluation(1.0))]);
-    });
+    let evaluations = Arc::new(vec![(500, staged::evaluation(1.0))]);
+    app.change_snapshot(|snapshot| snapshot.evaluations = evaluations);
     let table = export(ExportKind::CurvesCsv, &mut app).expect("a table");
     let table = String::from_utf8(table).expect("text");
     assert!(table.lines().any(|line| line.starts_with("evaluation,,500,")), "{table}");
