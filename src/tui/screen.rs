@@ -210,8 +210,8 @@ impl Screen {
             | Overlay::Ghost
                 if !method.plans() =>
             {
-                let (key, name) = (self.keymap.key_of(Action::Method), method.name());
-                Some(format!("{name} has no bridges: press {key} to choose another method"))
+                let (key, name) = (self.keymap.key_of(Action::Settings), method.name());
+                Some(format!("{name} has no bridges: {key} chooses another method"))
             }
             _ => None,
         }

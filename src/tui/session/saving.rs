@@ -56,7 +56,7 @@ pub struct Saver {
     was_training: bool,
     /// Whether there was an internal error.
     pub has_failed: bool,
-    /// Whether a failure opens a dialog that offers to save: not in a comparison.
+    /// Whether failures and quitting offer to save: not in a comparison, which has its own question.
     pub offers: bool,
 }
 
@@ -187,7 +187,7 @@ impl Saver {
     pub fn on_snapshot(&mut self, before: &Snapshot, cx: &mut Cx) -> Option<Choice> {
         let now = cx.screen.snapshot.clone();
         // What quitting would lose grows while it is asked about.
-        let top = cx.screen.dialogs.last_mut().filter(|top| top.asks_to_quit());
+        let top = cx.screen.dialogs.last_mut().filter(|top| self.offers && top.asks_to_quit());
         if let Some(Dialog::Pick(list)) = top {
             let lost = lists::lost(&now, cx.scene.has_unsaved_map());
             let asked = lists::quit_choices(lost, &self.next_file());

@@ -126,7 +126,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
     // What there is not is not in the legend.
-    (Actor, SMALL, "b", &["gdg has no bridges: press ? and type method to"], &[]),
+    (Actor, SMALL, "b", &["gdg has no bridges: o chooses another method"], &[]),
     (Actor, SMALL, "?method{enter}", &["method (replay is kept"], &[]),
     (Actor, SMALL, "", &["v view  Tab panes"], &["A alone"]),
     (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
