@@ -8,7 +8,7 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     let args = ["compare", "gdg-bridge", "her", "trap", "--seed", "4", "--set", "B:agents=8"];
     let mut session = Session::start(folder.path(), &args);
     session.wait_for("A gdg-bridge default");
-    session.wait_for("B her agents=8 tuned");
+    session.wait_for("B her tuned agents=8");
     session.wait_for("Space pause");
     session.press_for("?", "Two methods, A and B");
     // An escape immediately followed by other bytes would be a different key.

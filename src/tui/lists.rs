@@ -221,7 +221,7 @@ pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {
     Picker::new("export", kinds.iter().map(item).collect())
 }
 
-/// Asks: of the `answers`, `y` loses nothing and `d` discards; `n` changes nothing.
+/// Asks what to do first, so that `y` loses nothing; `d` discards, and `n` changes nothing.
 fn ask(title: impl Into<String>, answers: impl IntoIterator<Item = Item>) -> Picker {
     let stay = Item::new("stay", "", Choice::Nothing).on('n');
     Picker::new(title, answers.into_iter().chain([stay]).collect())
@@ -231,7 +231,7 @@ pub fn quit_choices(lost: String, file: &Path) -> Picker {
     let to = format!("to {}", file.display());
     let save = Item::new("save and quit", to, Choice::Quit { save: true }).on('y');
     let quit = Item::new("quit without saving", lost, Choice::Quit { save: false }).on('d');
-    ask("quit without saving?", [save, quit])
+    ask("save before quitting?", [save, quit])
 }
 
 /// Asks whether to delete files; nothing is lost unless that is chosen.
@@ -246,7 +246,7 @@ pub fn quit_comparison() -> Picker {
     let save = Item::new("save the map first", "", Choice::Act(Action::SaveMap)).on('y');
     let quit = Choice::Quit { save: false };
     let quit = Item::new("quit", "map edits are lost", quit).on('d');
-    ask("quit without saving the map?", [save, quit])
+    ask("save the map before quitting?", [save, quit])
 }
 
 /// Says what is lost without saving: updates, and edits of the map.
@@ -284,13 +284,11 @@ pub fn leave(
 
 /// Asks whether to write what would replace the files `there`, or lose something, unlike `other`.
 pub fn replace(there: Option<String>, lost: Option<String>, own: &str, other: String) -> Picker {
-    let [title, label] = match there {
-        Some(_) => ["replace what is there?", "replace"],
-        None => ["save without all of it?", "save it so"],
-    };
+    let label = if there.is_some() { "replace" } else { "save it so" };
     let what = there.into_iter().chain(lost).collect::<Vec<_>>().join("; ");
     let save = Item::new("save under another name", other.clone(), Choice::Answer(other)).on('y');
-    ask(title, [save, Item::new(label, what, Choice::Answer(own.to_owned())).on('d')])
+    let own = Item::new(label, what, Choice::Answer(own.to_owned())).on('d');
+    ask("save under another name?", [save, own])
 }
 
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {

@@ -113,10 +113,12 @@ pub fn prepare(
     };
     let [a, b] = saved;
     let mut both = [contestant(0, a)?, contestant(1, b)?];
-    if both.iter().any(|own| own.trainer.run().preset != Preset::Default) {
-        for own in &mut both {
-            own.title += &format!(" {}", own.trainer.run().preset.name());
-        }
+    let has_preset = both.iter().any(|own| own.trainer.run().preset != Preset::Default);
+    for (own, side) in both.iter_mut().zip(LETTERS) {
+        let preset = has_preset.then(|| own.trainer.run().preset.name());
+        let prefix = format!("{side}:");
+        let set = options.set.iter().filter_map(|setting| setting.strip_prefix(&prefix));
+        own.title.extend(preset.into_iter().chain(set).map(|part| format!(" {part}")));
     }
     let maze = PointMaze::downcast_ref(both[0].trainer.world());
     let warnings = maze.map_or_else(Vec::new, |maze| find_maps::warnings(maze.map()));
@@ -225,11 +227,7 @@ fn begin(
         let map = options.map.as_deref().unwrap_or(Path::new(find_maps::DEFAULT_MAP));
         setup::open_maze(map, reading, &run, registry)?
     };
-    let own = options.set.iter().filter_map(|setting| match setup::split_prefix(setting) {
-        (Some(prefix), setting) if prefix == side => Some(format!(" {setting}")),
-        _ => None,
-    });
-    let title = format!("{side} {}{}", method.name(), own.collect::<String>());
+    let title = format!("{side} {}", method.name());
     let trainer = setup::begin(run, &maze, registry, options.threads.share(LETTERS.len()))?;
     Ok(Contestant { trainer, title, file: None })
 }

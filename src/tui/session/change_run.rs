@@ -22,7 +22,7 @@ pub fn change(change: impl FnOnce(&mut Run), saver: &mut Saver, cx: &mut Cx) {
         return;
     }
     if resets_networks(cx.screen.run(), &run) && is_worth_saving(cx) {
-        let (title, begin) = ("reset the networks without saving?", "continue with new networks");
+        let (title, begin) = ("save before the networks are reset?", "continue with new networks");
         let (to, lost) = (Choice::Change(Box::new(run)), lists::lost(&cx.screen.snapshot, false));
         cx.screen.open(lists::leave(title, begin, "", to, Some(lost)));
     } else {
@@ -87,7 +87,7 @@ pub fn continue_on(map: &Grid, cx: &mut Cx) {
 /// Loads a checkpoint; asks first if much would be lost, unless the user has decided.
 pub fn load(path: std::path::PathBuf, is_decided: bool, cx: &mut Cx) {
     if let Some(lost) = unsaved(cx).filter(|_| !is_decided) {
-        let title = "load a checkpoint without saving?";
+        let title = "save before loading?";
         let choice = Choice::LoadUnsaved(path);
         return cx.screen.open(lists::leave(title, "load it", "", choice, Some(lost)));
     }

@@ -359,7 +359,9 @@ fn the_editor_draws_by_keyboard_on_both() {
     let snapshot = comparison.apps()[0].screen.snapshot.clone();
     comparison.follow(0, &snapshot, &View::default());
     let shown = shown_by(&mut comparison, 120, 40);
-    assert!(shown.contains("quit without saving the map?") && shown.contains("save the map first"));
+    assert!(
+        shown.contains("save the map before quitting?") && shown.contains("save the map first")
+    );
     press(&mut comparison, KeyCode::Char('d'));
     assert!(comparison.is_done(), "it is given up");
 }

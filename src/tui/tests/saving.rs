@@ -159,7 +159,7 @@ fn what_a_map_file_would_replace_or_lose_is_asked_about() {
     press(&mut app, KeyCode::Char('d'));
     assert_eq!((app.screen.dialogs.len(), marks("rooms.map")), (0, 0));
     let shown = save_as(&mut app, "rooms.map");
-    assert!(shown.contains("replace what is there?"), "{shown}");
+    assert!(shown.contains("save under another name?"), "{shown}");
     (0..2).for_each(|_| press(&mut app, KeyCode::Esc));
     // A checkpoint, or what else is no map, is never replaced.
     saved_run(folder.path(), &app);
@@ -304,7 +304,7 @@ fn set(app: &mut App, name: &str, value: &str) {
 fn what_resets_trained_networks_is_asked_about_and_can_save_first() {
     let mut app = staged_app(80, 24);
     let asks = |app: &mut Still| {
-        let asked = text(&draw(app, 80, 24)).contains("reset the networks without saving?");
+        let asked = text(&draw(app, 80, 24)).contains("save before the networks are reset?");
         assert_eq!(app.screen.dialogs.len(), usize::from(asked));
         asked.then(|| press(app, KeyCode::Esc));
         let sent = app.commands.try_iter().any(|sent| matches!(sent, EngineCommand::Change(_)));
