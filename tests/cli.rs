@@ -282,9 +282,18 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
             "{args:?}: {start}"
         );
     }
+    // A map or a checkpoint of one's own, by its name.
+    std::fs::write(folder.path().join("hall.txt"), "S..G\n").unwrap();
+    here(&words("--no-ui hall.txt --max-updates 3 --eval-tasks 1 --save saves/mine.safetensors"))
+        .success();
+    for name in ["hall", "mine"] {
+        let args = ["--no-ui", "--resume", name, "--max-updates", "0", "--eval-tasks", "1"];
+        let done = here(&args);
+        assert!(done.success().contains("hall"), "{name}: {}", done.err);
+    }
     for (args, part) in [
         (&["city", "--resume"][..], "there is no checkpoint of city in saves/"),
-        (&["trap", "--resume", "saves/trap.safetensors"], "a checkpoint contains its map"),
+        (&["trap", "--resume", "saves/trap.safetensors"], "a checkpoint has its map"),
         (&["--resume", "nosuch"], "nosuch: cannot be read"),
         (&["--resume", "--seed", "3"], "cannot be used with"),
     ] {

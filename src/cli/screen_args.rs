@@ -60,7 +60,7 @@ Examples:
   gdg-tui runs saves/suite records/          of an experiment, and records
   gdg-tui runs --json | jq -r 'select(.success >= 0.9) | .file'
 
-On a terminal, a screen: / filters by words, the arrows sort, Space marks runs, whose curves and \
+On a terminal, a screen: / filters by words, the arrows sort, m marks runs, whose curves and \
 settings are then shown together, also while they grow; Enter resumes, or watches what another \
 program trains, and compares two that are marked (q leads back to the list), Delete deletes; \
 ? lists all keys. Elsewhere, a table. --json writes one JSON object per run and line, of \
@@ -90,7 +90,7 @@ Examples:
   gdg-tui watch runs/a.jsonl                 by its records
 
 Map, D and plan follow its checkpoint (--save-every MINUTES), curves and time left its records. \
-Nothing is written or locked: it works from any machine that shares the folder. t trains a copy.
+Nothing is written or locked: it works from any machine that shares the folder. C trains a copy.
 
 Exit status: as of gdg-tui tour.";
 

@@ -206,29 +206,29 @@ fn load_scenario(
     Ok(other.map(|problem| format!("{}: {problem}", sanitized(&path.to_string_lossy()))))
 }
 
-/// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one
-/// is named.
+/// Returns the checkpoint that `--resume` asks for, by file or name, or the newest, also of a map.
 fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>, Report> {
     let Some(given) = &args.resume else { return Ok(None) };
-    let map = args.map.as_ref();
-    let name = match (given, map) {
+    let name = match (given, &args.map) {
         (Some(_), Some(map)) => {
             let map = map.display();
             let help = format!("give --resume FILE alone, or {map} --resume for its newest run");
-            let problem = "a map and --resume FILE: a checkpoint contains its map";
-            return Err(miette!(help = help, "{problem}"));
+            return Err(miette!(help = help, "a map and --resume FILE: a checkpoint has its map"));
         }
         (Some(file), None) => {
             let name = known_name(file);
             let is_name =
                 map::builtin(name).is_some() || registry.world_without_file(name).is_some();
-            let is_map = || MapFormat::by_name(file).is_some();
-            if train::is_checkpoint(file) || !is_name && !is_map() {
-                return Ok(Some(file.clone()));
+            let saved = Path::new(SAVES).join(format!("{name}.safetensors"));
+            if train::is_checkpoint(file) || !is_name && MapFormat::by_name(file).is_none() {
+                // The name of a checkpoint or of a map will do.
+                let of_map = || Some(saves::newest(Path::new(SAVES), Some(name))?.file);
+                let there = [file, &saved].into_iter().find(|file| file.exists()).cloned();
+                return Ok(there.or_else(of_map).or_else(|| Some(file.clone())));
             }
             Some(file.clone())
         }
-        (None, map) => map.cloned(),
+        (None, map) => map.clone(),
     };
     let title = name.map(|name| title_of(&name, registry)).transpose()?;
     let newest = saves::newest(Path::new(SAVES), title.as_deref());

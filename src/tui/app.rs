@@ -66,7 +66,7 @@ impl App {
         let mut engines = engines.into_iter();
         match self.base {
             Base::Run(session) => {
-                engines.next().map_or_else(ClosedRun::default, |engine| session.close(engine, true))
+                engines.next().map_or_else(ClosedRun::default, |engine| session.close(engine))
             }
             Base::Comparison(comparison) => comparison.close(engines),
         }

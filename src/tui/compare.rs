@@ -225,7 +225,7 @@ impl Comparison {
     pub fn close(self, engines: impl Iterator<Item = Engine>) -> ClosedRun {
         let mut closed = ClosedRun { failed: self.failed, ..ClosedRun::default() };
         for ((session, engine), letter) in self.sessions.into_iter().zip(engines).zip(LETTERS) {
-            let own = session.close(engine, false);
+            let own = session.close(engine);
             let gap = if closed.summary.is_empty() { "" } else { "\n" };
             let _ = write!(closed.summary, "{gap}{letter}: {}", own.summary);
             closed.saved = closed.saved.and(own.saved);

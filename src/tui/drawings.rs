@@ -28,7 +28,7 @@ use gdg::files;
 /// Why an export fails.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    #[error("nothing to export: the window is too small")]
+    #[error("nothing to export: the map is hidden, or the window too small")]
     Empty,
     #[error(transparent)]
     Io(#[from] std::io::Error),

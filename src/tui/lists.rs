@@ -238,7 +238,7 @@ pub fn quit_choices(lost: String, file: &Path) -> Picker {
 pub fn deletion(what: &str, names: String) -> Picker {
     let delete = Choice::Act(Action::List(ListAction::Delete));
     let delete = Item::new("delete", "for good", delete).on('d');
-    let stay = Item::new("stay", "", Choice::Nothing).on('n');
+    let stay = Item::new("keep", "", Choice::Nothing).on('n');
     Picker::new(format!("delete {what}?"), vec![stay, delete]).explaining(names)
 }
 
@@ -364,8 +364,10 @@ pub fn messages(log: &[LogEntry]) -> Option<Picker> {
 /// the reason.
 pub fn checkpoints(mut found: Vec<Arc<SavedRun>>) -> Picker {
     found.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
-    let names = COLUMNS.iter().map(|column| column.name.to_owned()).collect();
-    let cells = |run| COLUMNS.iter().map(|column| (column.cell)(run)).collect();
+    // Whether a program trains it is not said by the checkpoint alone.
+    let columns = || COLUMNS.iter().filter(|column| column.name != "state");
+    let names = columns().map(|column| column.name.to_owned()).collect();
+    let cells = |run| columns().map(|column| (column.cell)(run)).collect();
     let rows = [vec![names], found.iter().map(|run| cells(run)).collect()].concat();
     let rows: Vec<String> = aligned(&rows).lines().map(str::to_owned).collect();
     let item = |(run, row): (&Arc<SavedRun>, &String)| {

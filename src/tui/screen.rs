@@ -210,8 +210,9 @@ impl Screen {
             | Overlay::Ghost
                 if !method.plans() =>
             {
-                let (key, name) = (self.keymap.key_of(Action::Settings), method.name());
-                Some(format!("{name} has no bridges: {key} chooses another method"))
+                let is_ghost = overlay == Overlay::Ghost;
+                let why = if is_ghost { "is the actor alone" } else { "has no bridges" };
+                Some(format!("{} {why}", method.name()))
             }
             _ => None,
         }

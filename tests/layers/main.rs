@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_665),
-    ("tui", 19_271),
+    ("tui", 19_276),
     ("cli", 601),
     ("commands", 999),
 ];

@@ -255,7 +255,7 @@ const VIEW: &[Binding] = &[
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
     overlay(Overlay::Ghost, "ghost", &["shift-a"])
         .about("a, the actor alone from the same start, on or off", "ghost pale plan walker")
-        .short("alone"),
+        .short("actor"),
     watch_scene(A::Inspect, "inspect", &["i"])
         .about("inspect cells with a cursor", "look value info cell query coordinates position")
         .each(),

@@ -129,7 +129,7 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
     } else {
         let snapshots = comparison.sessions.iter().map(|own| &own.screen.snapshot);
         let is_saved = { snapshots }.all(|own| own.saved.is_some() && own.unsaved_updates() == 0);
-        if is_saved { " saved" } else { " not saved" }.to_owned()
+        if is_saved { " saved" } else { " unsaved" }.to_owned()
     };
     let room = usize::from(area.width).saturating_sub(bar.width());
     bar.push(Span::styled(fitted(&text, room), DIM), None);

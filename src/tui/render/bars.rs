@@ -19,6 +19,7 @@ use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
 use gdg::text::{fitted, grouped};
+use gdg::viewer::Field;
 
 /// Names of maps longer than this are shortened before anything is left out; and the least of a file's.
 const LONG_TITLE: usize = 24;
@@ -156,8 +157,12 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
 fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<Hint> {
     let help = (Action::Help, "help ");
     let mono = screen.theme.depth == ColourDepth::Mono;
-    let colours = if mono { "@ walks to G" } else { "light = near G" };
-    let all = format!("{colours} \u{b7} click: a new goal \u{b7}");
+    let colours = match screen.field {
+        _ if mono => "@ walks to G \u{b7} ",
+        Field::Learned => "light = near G \u{b7} ",
+        _ => "",
+    };
+    let all = format!("{colours}click: a new goal \u{b7}");
     let texts = if scene.is_editing() {
         let key = screen.keymap.key_of(Action::Apply);
         vec![format!("draw by mouse, or by arrows and {key} \u{b7}")]

@@ -284,8 +284,8 @@ pub fn unsaved(cx: &Cx) -> Option<String> {
 }
 
 impl Session {
-    /// Ends training and saves if that is due. The summary says what is lost if the run `is_kept`.
-    pub fn close(mut self, engine: Engine, is_kept: bool) -> ClosedRun {
+    /// Ends training and saves if that is due. The summary says what is lost.
+    pub fn close(mut self, engine: Engine) -> ClosedRun {
         if self.elsewhere.is_some() {
             drop(self);
             engine.stop();
@@ -319,8 +319,7 @@ impl Session {
             _ => saver.to,
         };
         let saved_at = snapshot.saved.as_ref().map(|(updates, _)| *updates);
-        let tells_lost =
-            !is_wanted && trainer.is_some() && is_kept && (is_worth_saving || saved_at.is_some());
+        let tells_lost = !is_wanted && trainer.is_some() && (is_worth_saving || saved_at.is_some());
         let saved = match trainer {
             None if is_wanted || is_worth_saving => {
                 let lost = grouped(snapshot.lost_updates());

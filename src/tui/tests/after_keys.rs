@@ -73,9 +73,10 @@ const ROWS: &[ScreenTest] = &[
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
     (Wide, SMALL, "", &["1 dot = "], &[]),
     (First, SMALL, "", &["light = near G", "click: a new goal", "? help"], &[]),
+    (First, SMALL, "v", &["click: a new goal"], &["light = near G"]),
     (First, SMALL, "n", &[], &["click: a new goal"]),
     // Training.
-    (New, SMALL, " ", &["paused, y: now", "Space resume", "e edit"], &["A alone"]),
+    (New, SMALL, " ", &["paused, y: now", "Space resume", "e edit"], &["A actor"]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
     // Help, the list of all actions, and keys without a meaning.
     (New, TINY, "?", &["the learned distance", "pause or"], &[]),
@@ -126,9 +127,9 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),
     (New, SMALL, "hhhhhhhhhki", &["cell 9,3"], &[]),
     // What there is not is not in the legend.
-    (Actor, SMALL, "b", &["gdg has no bridges: o chooses another method"], &[]),
+    (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
     (Actor, SMALL, "?method{enter}", &["method (replay is kept"], &[]),
-    (Actor, SMALL, "", &["v view  Tab panes"], &["A alone"]),
+    (Actor, SMALL, "", &["v view  Tab panes"], &["A actor"]),
     (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
     (Mono, SMALL, "c", &["contour lines need colours"], &[]),
     (Mono, SMALL, "4", &["bridge edges"], &["contours"]),
@@ -182,7 +183,7 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "m{down}m", &["Enter compare"], &["Enter open"]),
     (List, SMALL, "", &["planned", "alone", "state", "by written\u{2193}"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
-    (List, LARGE, "d", &["delete 1 file?", "d delete", "n stay"], &["type to search"]),
+    (List, LARGE, "d", &["delete 1 file?", "d delete", "n keep"], &["type to search"]),
     (List, SMALL, "?", &["mark the selected run", "...  m"], &[]),
     (List, LARGE, "?mark{enter}", &["\u{2500} A "], &[]),
 ];

@@ -280,7 +280,7 @@ fn both_sides_are_saved_each_to_its_own_file_with_one_message() {
         app.saver.to = SaveTo::CreateNew(folder.path().join("run.safetensors"));
     }
     let header = |app: &mut App| shown_by(app, 200, 40).lines().next().map(str::to_owned);
-    assert!(header(&mut comparison).is_some_and(|line| line.contains(" not saved")));
+    assert!(header(&mut comparison).is_some_and(|line| line.contains(" unsaved")));
     press(&mut comparison, KeyCode::Char('s'));
     wait_until(&mut comparison, |apps| apps.iter().all(|app| app.screen.snapshot.saved.is_some()));
     let file = |app: &Session| app.saver.to.path().file_name().map(std::ffi::OsStr::to_owned);
