@@ -73,7 +73,7 @@ const ROWS: &[ScreenTest] = &[
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
     (Wide, SMALL, "", &["1 dot = "], &[]),
     (First, SMALL, "", &["light = near G", "click: a new goal", "? help"], &[]),
-    (First, SMALL, "v", &["click: a new goal"], &["light = near G"]),
+    (First, SMALL, "v", &["D from S", "click: a new goal"], &["light = near G"]),
     (First, SMALL, "n", &[], &["click: a new goal"]),
     // Training.
     (New, SMALL, " ", &["paused, y: now", "Space resume", "e edit"], &["A actor"]),
@@ -120,7 +120,6 @@ const ROWS: &[ScreenTest] = &[
     (Run, SMALL, "z", &["loss of D", "critic: error of the distance D it learns"], &[]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, ":marker{enter}", &["marker: pixels (not supported here"], &[]),
-    (Run, LARGE, "v", &["D from S"], &[]),
     (New, SMALL, "i", &["cell 19,4", "arrows move, Enter sets the goal, Esc closes"], &[]),
     (New, SMALL, "Z", &["has one projection"], &[]),
     // Over the wall at column 10, and not beyond the map.
