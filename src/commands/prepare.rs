@@ -10,7 +10,7 @@ use crate::experiment::suite;
 use crate::process::errors::{from_checkpoint_error, from_data_error, from_map_error};
 use crate::setup::find_maps::{self, THRESHOLD, find_map, known_name};
 use crate::setup::outputs::{refuse_existing, refuse_input, refuse_other_kind, save_to};
-use crate::setup::saves::{self, SAVES, recovered, resume_command};
+use crate::setup::saves::{self, SAVES, checkpoint_file, recovered, resume_command};
 use crate::setup::values::EditAt;
 use crate::setup::{self, Setup, settings};
 use gdg::env::{Environment, GymOptions, PointMaze, maze};
@@ -219,11 +219,10 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
             let name = known_name(file);
             let is_name =
                 map::builtin(name).is_some() || registry.world_without_file(name).is_some();
-            let saved = Path::new(SAVES).join(format!("{name}.safetensors"));
             if train::is_checkpoint(file) || !is_name && MapFormat::by_name(file).is_none() {
                 // The name of a checkpoint or of a map will do.
                 let of_map = || Some(saves::newest(Path::new(SAVES), Some(name))?.file);
-                let there = [file, &saved].into_iter().find(|file| file.exists()).cloned();
+                let there = [file.clone(), checkpoint_file(name)].into_iter().find(|f| f.exists());
                 return Ok(there.or_else(of_map).or_else(|| Some(file.clone())));
             }
             Some(file.clone())

@@ -8,7 +8,7 @@ use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 
 use gdg::env::{GymOptions, gym};
-use gdg::files::is_hidden;
+use gdg::files::{has_extension, is_hidden};
 use gdg::text::safe_file_name;
 use gdg::train::{RunDescription, describe};
 
@@ -43,6 +43,15 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     }
     files.sort();
     Ok(files)
+}
+
+/// Returns the file of the checkpoint called `name`, which may be a path.
+pub fn checkpoint_file(name: &str) -> PathBuf {
+    // A dot within a name does not begin an extension.
+    let is_whole = has_extension(Path::new(name), "safetensors");
+    let path = PathBuf::from(if is_whole { name.to_owned() } else { name.to_owned() + EXTENSION });
+    let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+    if plain { Path::new(SAVES).join(path) } else { path }
 }
 
 /// Returns the checkpoint in `folder` that was written last, of the world with this title if one is

@@ -254,7 +254,7 @@ impl Interface for App {
     }
 
     fn on_signal(&mut self) {
-        // A comparison saves only what it is told to.
+        // Comparisons save only when asked.
         if let Base::Run(session) = &mut self.base {
             session.catch_up();
             session.saver.on_signal(&session.cx);

@@ -131,7 +131,7 @@ impl Marker {
         self.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
     }
 
-    /// Returns what draws with so many colours: without any, signs.
+    /// Returns the marker to draw with at a colour depth: without colours, signs.
     #[must_use]
     pub fn at(self, depth: ColourDepth) -> Self {
         if depth == ColourDepth::Mono { Self::Sign } else { self }

@@ -209,7 +209,8 @@ impl Comparison {
         if let (Some(first), Some(second)) = (a.notice(), b.notice()) {
             // What both have done is one message.
             let is_error = first.is_error || second.is_error;
-            let text = format!("A: {}; B: {}", first.text, second.text);
+            let [left, right] = LETTERS;
+            let text = format!("{left}: {}; {right}: {}", first.text, second.text);
             self.log.show(if first.text == second.text { first.text } else { &text }, is_error);
             (a.notice, b.notice) = (None, None);
             changed = true;

@@ -284,7 +284,7 @@ pub fn leave(
 
 /// Asks whether to write what would replace the files `there`, or lose something, unlike `other`.
 pub fn replace(there: Option<String>, lost: Option<String>, own: &str, other: String) -> Picker {
-    let label = if there.is_some() { "replace" } else { "save it so" };
+    let label = if there.is_some() { "replace" } else { "save anyway" };
     let what = there.into_iter().chain(lost).collect::<Vec<_>>().join("; ");
     let save = Item::new("save under another name", other.clone(), Choice::Answer(other)).on('y');
     let own = Item::new(label, what, Choice::Answer(own.to_owned())).on('d');
@@ -350,7 +350,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], registry: Option<&Regist
     Picker::new(format!("map ({})", folder.display()), items)
 }
 
-/// Lists messages, the latest first, with the seconds of training; below, all with the update.
+/// Lists messages, the latest first, by training time; below, the selected one with its update.
 pub fn messages(log: &[LogEntry]) -> Option<Picker> {
     let item = |LogEntry { text, seconds, updates }: &LogEntry| Item {
         below: vec![format!("{text} (update {})", grouped(*updates))],
@@ -364,7 +364,7 @@ pub fn messages(log: &[LogEntry]) -> Option<Picker> {
 /// the reason.
 pub fn checkpoints(mut found: Vec<Arc<SavedRun>>) -> Picker {
     found.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
-    // Whether a program trains it is not said by the checkpoint alone.
+    // A checkpoint alone does not tell whether a program trains the run.
     let columns = || COLUMNS.iter().filter(|column| column.name != "state");
     let names = columns().map(|column| column.name.to_owned()).collect();
     let cells = |run| columns().map(|column| (column.cell)(run)).collect();

@@ -313,7 +313,7 @@ impl RunsScreen {
                 self.list.step(pages * rows);
             }
             ListAction::Mark if self.list.toggle_mark() => {}
-            ListAction::Mark => self.log.show("all letters mark runs: unmark one first", true),
+            ListAction::Mark => self.log.show("all letters are taken: unmark a run first", true),
             ListAction::Filter => self.is_typing = true,
             ListAction::Sort(forth) => {
                 let by = if forth { 1 } else { COLUMNS.len() - 1 };

@@ -127,8 +127,10 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
         let [back, forth, close] = [Action::Back, Action::Forth, Action::Close].map(key);
         format!(" looking back: {back} {forth} {close}")
     } else {
-        let snapshots = comparison.sessions.iter().map(|own| &own.screen.snapshot);
-        let is_saved = { snapshots }.all(|own| own.saved.is_some() && own.unsaved_updates() == 0);
+        let is_saved = comparison.sessions.iter().all(|session| {
+            let snapshot = &session.screen.snapshot;
+            snapshot.saved.is_some() && snapshot.unsaved_updates() == 0
+        });
         if is_saved { " saved" } else { " unsaved" }.to_owned()
     };
     let room = usize::from(area.width).saturating_sub(bar.width());

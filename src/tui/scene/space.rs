@@ -217,8 +217,12 @@ impl SceneKind for SpaceState {
                 "colour the plane through G by the next quantity",
                 "colour the space by the next quantity",
             ),
-            Action::Toggle(Overlay::Agents) if self.is_arm => "exploring grips, and their trails",
-            Action::Toggle(Overlay::Contours) if self.is_arm => "contour lines there, on or off",
+            Action::Toggle(Overlay::Agents) if self.is_arm => {
+                "grips of exploring agents, and their trails"
+            }
+            Action::Toggle(Overlay::Contours) if self.is_arm => {
+                "contour lines on that plane, on or off"
+            }
             Action::Toggle(Overlay::Candidates) if !self.is_arm => {
                 "bridge candidates: where agents have been"
             }

@@ -6,9 +6,10 @@ use crossterm::event::Event;
 use rand::RngExt;
 use ratatui::layout::Position;
 
-use super::disk::{self, checkpoint_file};
+use super::disk;
 use super::saving::unsaved;
 use super::{Cx, Session, change_run, watching};
+use crate::setup::saves::checkpoint_file;
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, Reply};
 use crate::tui::lists;
 use gdg::engine::EngineCommand;

@@ -8,7 +8,7 @@ use super::saving::unsaved;
 use super::{Cx, Session};
 use crate::experiment::saved_runs::{self, RunReader};
 use crate::setup::find_maps::warnings;
-use crate::setup::saves::{SAVES, files_in};
+use crate::setup::saves::files_in;
 use crate::tui::action::Action;
 use crate::tui::choices::ExportKind;
 use crate::tui::drawings;
@@ -182,18 +182,6 @@ pub fn offer_map(cx: &mut Cx, map: Grid) {
         fitted.with_cells(walls)
     });
     cx.screen.open(lists::map_switch(&Arc::new(map), now, fitted, unsaved(cx)));
-}
-
-pub fn checkpoint_file(name: &str) -> PathBuf {
-    // A dot within a name does not begin an extension.
-    let path = Path::new(name);
-    let path = if has_extension(path, "safetensors") {
-        path.to_owned()
-    } else {
-        format!("{name}.safetensors").into()
-    };
-    let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
-    if plain { Path::new(SAVES).join(path) } else { path }
 }
 
 /// Returns whether to list a file, or folder, for opening a map: no text of another kind.

@@ -250,7 +250,10 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
         (ComparisonOptions { map: Some("trap".into()), ..own.clone() }, "the map is that of"),
         (ComparisonOptions { seed: Some(1), ..own.clone() }, "have their own seeds"),
         (ComparisonOptions { set: set("hidden"), ..own.clone() }, "changes no method"),
-        (ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) }, "changes no"),
+        (
+            ComparisonOptions { set: set("A:hidden"), ..options([saved, method()]) },
+            "changes no method",
+        ),
         (options([arm, method()]), "is of a world without a map"),
         (options([Contender::Checkpoint("none".into()), method()]), "none"),
     ] {
