@@ -244,7 +244,7 @@ fn the_interface_survives_huge_pastes() {
     session.press(":\x1b[200~");
     session.press(&"pause ".repeat(200_000));
     session.press_for("\x1b[201~", "> ");
-    session.close("Esc: close");
+    session.close("Esc close");
     assert_eq!(session.interrupt(), 0);
 }
 

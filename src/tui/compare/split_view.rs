@@ -83,7 +83,7 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         frame.render_widget(Paragraph::new(facts), below);
         if let Some(last) = below.rows().next_back().filter(|_| screen.past.is_none()) {
             let walks = bars::walks(screen, scene);
-            bars::draw_first_that_fits(frame, last, screen, walks, &mut drawn[own]);
+            bars::draw_first_that_fits(frame, last, walks);
         }
     }
     draw_curves(frame, below, comparison, &mut layout);
@@ -121,20 +121,13 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
         scene.phase(screen)
     };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
-    let is_past = comparison.sessions.iter().any(|session| session.screen.past.is_some());
-    let key = |action| screen.keymap.key_of(action);
-    let text = if is_past {
-        let [back, forth, close] = [Action::Back, Action::Forth, Action::Close].map(key);
-        format!(" looking back: {back} {forth} {close}")
-    } else {
-        let is_saved = comparison.sessions.iter().all(|session| {
-            let snapshot = &session.screen.snapshot;
-            snapshot.saved.is_some() && snapshot.unsaved_updates() == 0
-        });
-        if is_saved { " saved" } else { " unsaved" }.to_owned()
-    };
+    let is_saved = comparison.sessions.iter().all(|session| {
+        let snapshot = &session.screen.snapshot;
+        snapshot.saved.is_some() && snapshot.unsaved_updates() == 0
+    });
+    let text = if is_saved { " saved" } else { " unsaved" };
     let room = usize::from(area.width).saturating_sub(bar.width());
-    bar.push(Span::styled(fitted(&text, room), DIM), None);
+    bar.push(Span::styled(fitted(text, room), DIM), None);
     bar.draw(frame, area, layout);
 }
 
@@ -167,13 +160,12 @@ fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &
     let [first, a, b] =
         [training_side(comparison), &comparison.sessions[0], &comparison.sessions[1]]
             .map(|session| (&session.screen, &session.scene));
-    if comparison.is_editing() {
-        let editor = &comparison.maze(comparison.editor_at).editor;
-        bars::editing(first.0, editor, area.width)
-    } else {
-        bars::keys(&[first, a, b], Mode::Comparing, area.width, false)
-    }
-    .draw(frame, area, layout);
+    // Both have the same on top, but the editor is open in one.
+    [a, b]
+        .into_iter()
+        .find_map(|(screen, scene)| bars::on_top(screen, scene, area.width))
+        .unwrap_or_else(|| bars::keys(&[first, a, b], Mode::Comparing, area.width, false))
+        .draw(frame, area, layout);
 }
 
 /// Returns what the panes of a single run say: how far it is, what it has learned and how @ walks; and

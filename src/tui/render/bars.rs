@@ -11,7 +11,7 @@ use super::ScreenPainter;
 use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::choices::{Overlay, Tool};
 use crate::tui::keymap::Keymap;
-use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine};
 use crate::tui::log::Notice;
 use crate::tui::pane_text::{first_lines, wrapped};
 use crate::tui::scene::maze::Editor;
@@ -85,11 +85,9 @@ fn shorten(parts: &mut [(Span, Action)], of: Action, area: Rect, least: usize) {
     }
 }
 
-pub type Hint = (String, Vec<(Action, &'static str)>);
-
 /// Draws the line in the `row` above the map, if there is anything to say.
 pub fn draw_hint(page: &mut ScreenPainter, row: Rect) {
-    let ScreenPainter { frame, screen, scene, layout } = page;
+    let ScreenPainter { frame, screen, scene, .. } = page;
     let is_shown = screen.banner.is_some() && !screen.on_paper;
     let hints = match past(screen, scene) {
         _ if screen.tour.is_some() => return,
@@ -97,44 +95,27 @@ pub fn draw_hint(page: &mut ScreenPainter, row: Rect) {
         None if !screen.on_paper => walks(screen, scene),
         past => past.unwrap_or_default(),
     };
-    draw_first_that_fits(frame, row, screen, hints, layout);
+    draw_first_that_fits(frame, row, hints);
 }
 
 /// Says how walks go, with and without a plan.
-pub fn walks(screen: &Screen, scene: &Scene) -> Vec<Hint> {
-    let texts = legend::both_walks(&**scene, screen).into_iter().flatten();
-    texts.map(|text| (text + " ", Vec::new())).collect()
+pub fn walks(screen: &Screen, scene: &Scene) -> Vec<String> {
+    legend::both_walks(&**scene, screen).into_iter().flatten().collect()
 }
 
 /// Draws the first hint that fits into a row, or else the last, in place of what is there.
-pub fn draw_first_that_fits(
-    frame: &mut Frame,
-    row: Rect,
-    screen: &Screen,
-    hints: Vec<Hint>,
-    layout: &mut ScreenLayout,
-) {
-    let lines = hints.into_iter().map(|(text, keys)| {
-        let mut line = ClickableLine::default();
-        line.push(Span::styled(format!(" {text}"), REVERSED), None);
-        for (action, what) in keys.into_iter().filter(|_| !screen.on_paper) {
-            let key = format!(" {} ", screen.keymap.key_of(action));
-            line.push(Span::styled(key, BOLD.patch(REVERSED)), Click::Act(action));
-            line.push(Span::styled(what, REVERSED), Click::Act(action));
-        }
-        line
-    });
-    let lines: Vec<ClickableLine> = lines.collect();
-    let fits = lines.iter().position(|line| line.width() <= usize::from(row.width));
-    let fits = fits.unwrap_or(lines.len().saturating_sub(1));
-    let Some(line) = lines.into_iter().nth(fits) else { return };
+pub fn draw_first_that_fits(frame: &mut Frame, row: Rect, hints: Vec<String>) {
+    let lines = hints.into_iter().map(|text| Line::styled(format!(" {text} "), REVERSED));
+    let lines: Vec<Line> = lines.collect();
+    let fits = |line: &&Line| line.width() <= usize::from(row.width);
+    let Some(line) = lines.iter().find(fits).or(lines.last()) else { return };
     frame.render_widget(Clear, row);
     let width = Constraint::Length((line.width() as u16).min(row.width));
-    line.draw(frame, row.centered_horizontally(width), layout);
+    frame.render_widget(line, row.centered_horizontally(width));
 }
 
-/// Describes which moment of the past is shown, and how to get back.
-fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
+/// Describes which moment of the past is shown.
+fn past(screen: &Screen, scene: &Scene) -> Option<Vec<String>> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
     let success = snapshot
@@ -143,33 +124,26 @@ fn past(screen: &Screen, scene: &Scene) -> Option<Vec<Hint>> {
     // The film keeps D and the agents, but not the walls.
     let walls = if snapshot.is_edited_since(frame.updates) { ", walls of today" } else { "" };
     let goal = if scene.shown_goal() == scene.goal() { "" } else { ": G is the film's" };
-    let texts = [
+    Some(vec![
         format!("update {then} of {now}{success}{walls}{goal}"),
         format!("update {then}{walls}{goal}"),
         format!("update {then}"),
-    ];
-    let keys =
-        |back, forth| vec![(Action::Back, back), (Action::Forth, forth), (Action::Close, "now ")];
-    let in_words = (texts[0].clone(), keys("earlier ", "later "));
-    Some([in_words].into_iter().chain(texts.map(|text| (text, keys("", "")))).collect())
+    ])
 }
 
-fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<Hint> {
-    let help = (Action::Help, "help ");
+fn what_to_see(screen: &Screen, scene: &Scene) -> Vec<String> {
     let mono = screen.theme.depth == ColourDepth::Mono;
     let colours = match screen.field {
         _ if mono => "@ walks to G \u{b7} ",
         Field::Learned => "light = near G \u{b7} ",
         _ => "",
     };
-    let all = format!("{colours}click: a new goal \u{b7}");
-    let texts = if scene.is_editing() {
-        let key = screen.keymap.key_of(Action::Apply);
-        vec![format!("draw by mouse, or by arrows and {key} \u{b7}")]
-    } else {
-        vec![format!("{all} new here? gdg-tui tour \u{b7}"), all, "click: goal \u{b7}".to_owned()]
-    };
-    texts.into_iter().map(|text| (text, vec![help])).collect()
+    if scene.is_editing() {
+        let [apply, help] = [Action::Apply, Action::Help].map(|key| screen.keymap.key_of(key));
+        return vec![format!("draw by mouse, or by arrows and {apply} \u{b7} {help} help")];
+    }
+    let all = format!("{colours}click sets a goal");
+    vec![format!("{all} \u{b7} new here? gdg-tui tour"), all, "click sets a goal".to_owned()]
 }
 
 const MAX_NOTICE_ROWS: usize = 4;
@@ -180,12 +154,9 @@ const LAST_KEYS: [Action; 3] = [Action::Save, Action::Help, Action::Quit];
 /// Draws the line, and a notice over the map.
 pub fn draw_footer(page: &mut ScreenPainter, area: Rect) {
     let ScreenPainter { frame, screen, scene, layout } = page;
-    let tools = scene.maze().map(|maze| &maze.editor).filter(|editor| editor.is_open());
-    match tools {
-        Some(editor) => editing(screen, editor, area.width),
-        None => keys(&[(screen, scene)], Mode::Watching, area.width, layout.lacks_panel),
-    }
-    .draw(frame, area, layout);
+    on_top(screen, scene, area.width)
+        .unwrap_or_else(|| keys(&[(screen, scene)], Mode::Watching, area.width, layout.lacks_panel))
+        .draw(frame, area, layout);
     if let Some(notice) = screen.log.notice().filter(|_| screen.dialogs.is_empty()) {
         // The line below the map says what a cell or a colour is.
         let map = layout.map_pane;
@@ -266,38 +237,77 @@ pub fn fitting(
     line(&keys)
 }
 
+/// Returns the name and the keys of what is on top of the map, if anything is: the past, the editor or
+/// a cursor.
+pub fn on_top(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLine> {
+    let end = [(Action::Help, "help"), (Action::Quit, "quit")];
+    let maze = scene.maze();
+    if screen.past.is_some() {
+        let own = [(Action::Back, "earlier"), (Action::Forth, "later"), (Action::Close, "now")];
+        let keys = [&own[..], &end].concat();
+        return Some(named_keys(screen, "PAST", &[], &keys, "panes show the present", width));
+    }
+    if let Some(editor) = maze.map(|maze| &maze.editor).filter(|editor| editor.is_open()) {
+        return Some(editing(screen, editor, width));
+    }
+    maze?.inspecting?;
+    let own = [(Action::GoalHere, "goal"), (Action::StartHere, "start"), (Action::Inspect, "done")];
+    let keys = [&own[..], &end].concat();
+    Some(named_keys(screen, "CELL", &[], &keys, "arrows move", width))
+}
+
 /// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.
-pub fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
-    let line = |tools: &[Tool], keys: &[(Action, &str)]| {
-        let mut bar = ClickableLine::default();
-        bar.push(Span::styled(" EDIT", BOLD.patch(REVERSED)), None);
-        for tool in tools {
-            let style = if *tool == editor.tool { REVERSED } else { Style::new() };
-            let label = format!(" {}", tool.about().0);
-            key(&mut bar, &screen.keymap, Action::Tool(*tool), &label, style);
-        }
-        bar.push(" ".into(), None);
-        for (action, label) in keys {
-            key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
-        }
-        bar
-    };
+fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     let [undo, save] = [(Action::Undo, "undo"), (Action::SaveMap, "save map")];
     let done = (Action::ToggleEdit, "done");
     let (all, own) = (&Tool::ALL[..], &[editor.tool][..]);
     let keys = [&[undo, save, done][..], &[save, done], &[done]];
+    let line = |tools: &[Tool], keys: &[(Action, &'static str)]| {
+        let styled = |tool: &Tool| {
+            let style = if *tool == editor.tool { REVERSED } else { Style::new() };
+            (Action::Tool(*tool), tool.about().0, style)
+        };
+        let tools: Vec<_> = tools.iter().map(styled).collect();
+        named_keys(screen, "EDIT", &tools, keys, editor.tool.about().1, width)
+    };
     let options = [all, own].into_iter().flat_map(|tools| keys.map(|keys| line(tools, keys)));
     // The trailing blank may be cut off.
     let fits = |bar: &ClickableLine| bar.width() <= usize::from(width) + 1;
-    let mut bar = { options }.find(fits).unwrap_or_else(|| line(own, &[done]));
-    let mouse = editor.tool.about().1;
-    if bar.width() + mouse.len() < usize::from(width) {
-        bar.push(Span::styled(format!(" {mouse}"), DIM), None);
+    { options }.find(fits).unwrap_or_else(|| line(own, &[done]))
+}
+
+/// Returns keys after the name of what they belong to, and a text if there is room.
+fn named_keys(
+    screen: &Screen,
+    name: &str,
+    tools: &[(Action, &str, Style)],
+    keys: &[(Action, &str)],
+    text: &str,
+    width: u16,
+) -> ClickableLine {
+    let mut bar = ClickableLine::default();
+    bar.push(Span::styled(format!(" {name}"), BOLD.patch(REVERSED)), None);
+    for (action, label, style) in tools {
+        key(&mut bar, &screen.keymap, *action, &format!(" {label}"), *style);
+    }
+    if !tools.is_empty() {
+        bar.push(" ".into(), None);
+    }
+    for (action, label) in keys {
+        key(&mut bar, &screen.keymap, *action, &format!(" {label} "), Style::new());
+    }
+    if bar.width() + text.len() < usize::from(width) {
+        bar.push(Span::styled(format!(" {text}"), DIM), None);
     }
     bar
 }
 
 fn key(bar: &mut ClickableLine, keymap: &Keymap, action: Action, label: &str, style: Style) {
-    bar.push(Span::styled(format!(" {}", keymap.key_of(action)), BOLD), Click::Act(action));
-    bar.push(Span::styled(label.to_owned(), style), Click::Act(action));
+    push_key(bar, &keymap.key_of(action), label, style, Click::Act(action));
+}
+
+/// Adds a key, or a button, and what it does.
+pub fn push_key(bar: &mut ClickableLine, key: &str, label: &str, style: Style, click: Click) {
+    bar.push(Span::styled(format!(" {key}"), BOLD), click);
+    bar.push(Span::styled(label.to_owned(), style), click);
 }

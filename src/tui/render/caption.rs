@@ -3,10 +3,11 @@
 
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::Style;
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 use ratatui::widgets::{Block, Padding, Paragraph};
 
 use super::ScreenPainter;
+use super::bars::push_key;
 use crate::tui::action::Action;
 use crate::tui::characters::{put, put_letter};
 use crate::tui::layout::{Click, ClickableLine};
@@ -54,8 +55,8 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let mut keys = ClickableLine::default();
     let next = if tour.is_last { "done" } else { "next" };
     for (action, label) in [(Action::NextTourStep, next), (Action::EndTour, "end")] {
-        let key = screen.keymap.key_of(action);
-        keys.push(Span::styled(format!(" {key} {label} "), Style::new()), Click::Act(action));
+        let [key, label] = [screen.keymap.key_of(action), format!(" {label} ")];
+        push_key(&mut keys, &key, &label, Style::new(), Click::Act(action));
     }
     let width = (keys.width() as u16).min(area.width.saturating_sub(2));
     let bar = Rect { x: area.right() - 1 - width, y: area.bottom() - 1, width, height: 1 };

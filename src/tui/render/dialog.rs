@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 use unicode_truncate::UnicodeTruncateStr;
 
-use super::bars::draw_notice;
+use super::bars::{draw_notice, push_key};
 use super::{middle, without_slivers};
 use crate::tui::dialog::{Choice, Dialog, Item, Picker, PickerRow, Prompt};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -257,9 +257,9 @@ fn draw_box(
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
     if accepts {
-        bar.push(Span::raw(" Enter: accept "), Click::Answer);
+        push_key(&mut bar, "Enter", " accept ", Style::new(), Click::Answer);
     }
-    bar.push(Span::raw(" Esc: close "), Click::Close);
+    push_key(&mut bar, "Esc", " close ", Style::new(), Click::Close);
     let width = (bar.width() as u16).min(inner.width);
     let foot = Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner };
     bar.draw(frame, foot, layout);

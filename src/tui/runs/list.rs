@@ -282,7 +282,7 @@ fn awaited(run: &SavedRun) -> String {
         None => "never: it has no --save".to_owned(),
     };
     let file = run.saves.as_ref().map_or(&run.source, |(file, _)| file);
-    format!("{}: not saved yet; {when}   Esc: list", name(file))
+    format!("{}: not saved yet; {when}  Esc list", name(file))
 }
 
 /// Files, and when each was last written.

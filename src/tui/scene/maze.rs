@@ -184,11 +184,6 @@ impl SceneKind for MazeState {
             Action::Inspect => {
                 let at = self.inspecting.is_none().then_some(self.goal);
                 self.inspect(at, screen);
-                if at.is_some() {
-                    let [goal, close] = [Action::GoalHere, Action::Close]
-                        .map(|action| screen.keymap.key_of(action));
-                    screen.say(&format!("arrows move, {goal} sets the goal, {close} closes"));
-                }
             }
             Action::SaveMap => self.ask_file(screen),
             _ => self.edit(action, screen),

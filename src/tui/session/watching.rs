@@ -196,9 +196,6 @@ pub fn look_at(cx: &mut Cx, frame: Option<Arc<FilmFrame>>) {
     if frame.is_none() {
         cx.screen.return_to_present();
     } else {
-        if cx.screen.past.is_none() {
-            cx.screen.say("the map shows the past; panes show the present");
-        }
         cx.screen.past.clone_from(&frame);
         cx.screen.request(Request::Past(frame));
     }

@@ -72,11 +72,11 @@ const ROWS: &[ScreenTest] = &[
     (Run, HUGE, "", &["elapsed", "waypoint", "exploring", "q quit"], &["critic: error"]),
     (New, TINY, "", &["Space pause", "? help", "q quit"], &[]),
     (Wide, SMALL, "", &["1 dot = "], &[]),
-    (First, SMALL, "", &["light = near G", "click: a new goal", "? help"], &[]),
-    (First, SMALL, "v", &["D from S", "click: a new goal"], &["light = near G"]),
-    (First, SMALL, "n", &[], &["click: a new goal"]),
+    (First, SMALL, "", &["light = near G", "click sets a goal", "? help"], &[]),
+    (First, SMALL, "v", &["D from S", "click sets a goal"], &["light = near G"]),
+    (First, SMALL, "n", &[], &["click sets a goal"]),
     // Training.
-    (New, SMALL, " ", &["paused, y: now", "Space resume", "e edit"], &["A actor"]),
+    (New, SMALL, " ", &["paused  y now", "Space resume", "e edit"], &["A actor"]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
     // Help, the list of all actions, and keys without a meaning.
     (New, TINY, "?", &["the learned distance", "pause or"], &[]),
@@ -86,7 +86,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "??", &["q quit"], &["pause or resume"]),
     (New, SMALL, "?via graph", &["the same for D along the bridge graph"], &[]),
     (New, SMALL, "{click ? help}", &["pause or resume"], &[]),
-    (New, SMALL, ":pause{enter}", &["paused, y: now"], &[]),
+    (New, SMALL, ":pause{enter}", &["paused  y now"], &[]),
     (New, SMALL, ":qqqzzz{enter}", &["nothing in the list fits \"qqqzzz\""], &[]),
     (New, SMALL, ":polyak{enter}", &["tau"], &[]),
     (New, SMALL, ":colours visits{enter}", &["visits"], &[]),
@@ -109,7 +109,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "E", &["map as PNG", "curves as CSV"], &[]),
     (New, SMALL, "T{down}", &["dark text on a light page"], &[]),
     (New, SMALL, "T{click light   }", &["gdg-tui"], &["type to search"]),
-    (New, SMALL, ":save a checkpoint under{enter}name{click Enter: accept}", &["name.safe"], &[]),
+    (New, SMALL, ":save a checkpoint under{enter}name{click Enter accept}", &["name.safe"], &[]),
     (New, SMALL, "{click gdg-bridge}her{enter}:save-as{enter}", &["-her-seed"], &[]),
     // Panes.
     (New, SMALL, "{click legend}", &["bridge edges", "contours"], &[]),
@@ -120,7 +120,7 @@ const ROWS: &[ScreenTest] = &[
     (Run, SMALL, "z", &["loss of D", "critic: error of the distance D it learns"], &[]),
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, ":marker{enter}", &["marker: pixels (not supported here"], &[]),
-    (New, SMALL, "i", &["cell 19,4", "arrows move, Enter sets the goal, Esc closes"], &[]),
+    (New, SMALL, "i", &["cell 19,4", "CELL Enter goal", "i done", "arrows move"], &[]),
     (New, SMALL, "Z", &["has one projection"], &[]),
     // Over the wall at column 10, and not beyond the map.
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),

@@ -24,7 +24,7 @@ fn lines_over_the_map_and_notices_go_away_after_a_while() {
     let long_ago = Instant::now().checked_sub(Duration::from_millis(10_100)).expect("a time");
     let mut app = still();
     app.screen.explains = true;
-    let is_shown = |app: &mut Still| shown_by(app, 80, 24).contains("click: a new goal");
+    let is_shown = |app: &mut Still| shown_by(app, 80, 24).contains("click sets a goal");
     assert!(is_shown(&mut app) && !app.on_tick());
     app.screen.banner = Some(long_ago);
     assert!(app.on_tick() && !is_shown(&mut app));

@@ -174,7 +174,7 @@ fn next(screen: &Screen) -> Line<'static> {
         return fact("saved", saved.clone());
     }
     if !screen.snapshot.learns {
-        return fact("evaluation", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
+        return fact("evaluation", format!("{} now", screen.keymap.key_of(Action::Evaluate)));
     }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running(_) => {
@@ -186,7 +186,7 @@ fn next(screen: &Screen) -> Line<'static> {
         NextEvaluation::InSeconds(seconds) => format!("in {seconds} s"),
         NextEvaluation::AtUpdate(updates) => format!("at {}", short(updates as f64)),
     };
-    fact("evaluation", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
+    fact("evaluation", format!("{when}  {} now", screen.keymap.key_of(Action::Evaluate)))
 }
 
 /// Returns the title of success by distance: the nearest and the farthest.
