@@ -58,7 +58,7 @@ pub fn begin(
     })
 }
 
-/// Returns what a file's name begins with: the world, and the update that is shown.
+/// Returns what a file's name begins with: world, method, and the update that is shown.
 pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
     // Curves are of the present, whatever the map shows.
     let past = screen.past.as_ref().filter(|_| ExportKind::PICTURES.contains(&kind));
@@ -66,7 +66,7 @@ pub fn name(kind: ExportKind, screen: &Screen, scene: &Scene) -> String {
         Some(frame) => screen.snapshot.learned(frame.updates),
         None => screen.snapshot.updates(),
     };
-    format!("{}-{updates}", scene.title(&screen.snapshot))
+    format!("{}-{}-{updates}", scene.title(&screen.snapshot), screen.run().method)
 }
 
 /// Captures the present screen as this kind of export; what takes long is left to the encoder.

@@ -358,6 +358,6 @@ fn log_evaluation(screen: &mut Screen) {
     if let Some(rate) = learned(e).filter(|_| e.planned.is_some())
         && !before.any(|(_, earlier)| learned(earlier).is_some())
     {
-        screen.notify(&format!("the actor alone now reaches {rate:.2}"));
+        screen.notify(&format!("the actor of {} alone now reaches {rate:.2}", screen.run().method));
     }
 }

@@ -14,6 +14,7 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::Style;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
@@ -29,7 +30,7 @@ use crate::tui::render::side::training;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::scene::{Drawing, SceneKind, legend};
 use crate::tui::session::{Cx, Session};
-use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
 use gdg::train::Evaluation;
@@ -151,7 +152,7 @@ fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize
         _ => String::new(),
     };
     let title = fitted(format!(" {title} {state}").trim_end(), usize::from(area.width));
-    let title = Span::styled(format!("{title} "), BOLD);
+    let title = Span::styled(format!("{title} "), style(own, &screen.theme).patch(BOLD));
     frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
 }
 
@@ -182,24 +183,28 @@ fn facts(comparison: &Comparison, own: usize, width: u16) -> Vec<Line<'static>> 
 }
 
 /// Returns the curves of a side: its success and, if the method plans, that of the actor alone. Colours say
-/// which it is, as in all charts, and characters of which side.
+/// of which side, as in lists of runs, and characters which it is.
 fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
     let screen = &comparison.sessions[own].screen;
     let (method, theme) = (&screen.run().method, &screen.theme);
     let curve = |of: Measure, name: String| {
-        let ink = of.colour(method.plans());
+        let sign = of.colour(method.plans());
         let point =
             |(updates, e): &(u64, Evaluation)| Some((comparison.along(own, *updates), of.of(e)?));
-        // Without colours, characters say which it is, too.
-        let both = if theme.depth == ColourDepth::Mono { LETTERS.len() * ink } else { 0 };
-        let style = curves::colour(theme, [ink; 2]);
+        // Without colours, characters say of which side, too.
+        let both = if theme.depth == ColourDepth::Mono { LETTERS.len() * own } else { 0 };
         let points = screen.snapshot.evaluations.iter().filter_map(point).collect();
-        PaneCurve { name, style, marker: curves::sign(own + both), points }
+        PaneCurve { name, style: style(own, theme), marker: curves::sign(sign + both), points }
     };
-    let (letter, kind) = (LETTERS[own], if method.plans() { "planned" } else { "alone" });
-    let success = curve(Measure::Success, format!("{letter} {method} {kind}"));
-    let alone = || curve(Measure::Alone, format!("{letter} alone"));
+    let (title, kind) = (&comparison.titles[own], if method.plans() { "planned" } else { "alone" });
+    let success = curve(Measure::Success, format!("{title} {kind}"));
+    let alone = || curve(Measure::Alone, format!("{} alone", LETTERS[own]));
     std::iter::once(success).chain(method.plans().then(alone)).collect()
+}
+
+/// Returns the style of what is of a side.
+fn style(own: usize, theme: &Theme) -> Style {
+    curves::colour(theme, [own; 2])
 }
 
 /// Draws both success curves in one chart, over how far training had come; a click on its title

@@ -43,7 +43,7 @@ fn that_the_actor_alone_has_learned_what_plans_found_is_said_once() {
             found.alone.success = Some(alone);
             Arc::make_mut(&mut latest.evaluations).push((latest.counters.updates, found));
         });
-        let said = "the actor alone now reaches 0.93";
+        let said = "the actor of gdg-bridge alone now reaches 0.93";
         assert_eq!(shown_by(&mut app, 80, 24).contains(said), says, "{alone}");
     }
 }
