@@ -279,3 +279,104 @@ fn suites_and_checkpoints_are_drawn_over_updates_and_steps() {
     let table = rows(&folder.path().join("a-explored.csv"));
     assert_eq!(table[1][..4], ["", "gdg-bridge", "0", "30"].map(str::to_owned));
 }
+
+/// Writes the records of a run of `her` with seed 1, evaluated at these thousands of updates.
+/// `start` also has `tasks` of evaluations, and an `edit` before them.
+fn record(folder: &Path, file: &str, start: &Value, evaluated: &[u64], saved: &str) -> String {
+    let mut first = json!({
+        "event": "start", "world": "maze", "map": {"name": "hall"}, "method": "her",
+        "preset": "default", "settings": {}, "seed": 1, "updates": 0,
+    });
+    let facts = start.as_object().cloned().unwrap_or_default();
+    let edit = facts.get("edit").map(|to| {
+        let fingerprint = format!("3 x 3, {}", to.as_str().unwrap());
+        json!({"event": "edit", "updates": 500, "map": "other", "fingerprint": fingerprint})
+    });
+    let tasks: Vec<Value> =
+        facts.get("tasks").into_iter().map(|tasks| json!({"tasks": tasks})).collect();
+    first.as_object_mut().unwrap().extend(facts);
+    let score = json!({"success": 0.5, "spl": null, "steps_ratio": null, "by_distance": tasks});
+    let at = |thousands: &u64| {
+        json!({
+            "event": "evaluation", "updates": 1000 * thousands, "env_steps": 0, "seconds": 0.0,
+            "greedy": score, "planned": null,
+        })
+    };
+    let saved = json!({"event": "saved", "updates": 0, "path": saved});
+    let records = [first].into_iter().chain(edit).chain(evaluated.iter().map(at)).chain([saved]);
+    let text: String = records.map(|record| format!("{record}\n")).collect();
+    std::fs::write(folder.join(file), text).unwrap();
+    file.to_owned()
+}
+
+/// Draws runs; returns the curve, seed and updates of each row of a seed, and the notes.
+fn drawn(folder: &Path, files: &[String]) -> (Vec<String>, Vec<String>) {
+    let files = files.iter().map(String::as_str).chain(["--out", "fig.svg"]);
+    let done = plot(folder, &files.collect::<Vec<_>>());
+    done.success();
+    // The caption comes last.
+    let notes = done.err.trim_end().rsplit_once('\n').map_or("", |(notes, _)| notes);
+    let notes = notes.lines().map(str::to_owned).collect();
+    let of_seeds = rows(&folder.join("fig.csv")).into_iter().skip(1).filter(|row| row[2] != "mean");
+    (of_seeds.map(|row| format!("{} {} {}", row[1], row[2], row[3])).collect(), notes)
+}
+
+#[test]
+fn runs_that_learned_or_were_evaluated_on_something_else_are_different_curves() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = |checksum: u32| json!({"data": {"file": "a.npz", "checksum": checksum, "transitions": 9, "episodes": 1}});
+    let tasks = |tasks: &str| json!({"map": {"name": "hall", "scenario": tasks}});
+    let tasks_of = |tasks: u32| json!({"tasks": tasks});
+    let version = |version: &str| json!({"version": version});
+    let edit = |to: &str| json!({"edit": to});
+    let size = |size: &str| json!({"fingerprint": format!("{size}, goal radius 1, {size}")});
+    for ([one, other], names) in [
+        ([data(1), data(2)], ["data=00000001", "data=00000002"]),
+        ([data(1), json!({})], ["data=00000001", "her"]),
+        ([tasks("a"), tasks("b")], ["scenario=a", "scenario=b"]),
+        ([tasks_of(5), tasks_of(50)], ["eval-tasks=5", "eval-tasks=50"]),
+        ([version("0.2.0"), version("0.3.0")], ["version=0.2.0", "version=0.3.0"]),
+        ([edit("a"), edit("b")], ["edit=500:a", "edit=500:b"]),
+        ([edit("a"), json!({})], ["edit=500", "her"]),
+        ([size("11 x 7"), size("21 x 21")], ["hall (11 x 7)", "hall (21 x 21)"]),
+    ] {
+        let both = [("a.jsonl", &one, 1), ("b.jsonl", &other, 2)];
+        let files = both.map(|(file, of, at)| record(folder.path(), file, of, &[at], ""));
+        let (rows, notes) = drawn(folder.path(), &files);
+        let expected = [format!("{} 1 1000", names[0]), format!("{} 1 2000", names[1])];
+        assert_eq!((rows, notes), (expected.to_vec(), Vec::new()));
+        // As well in one file, where the second is no other attempt at the first.
+        let read = |file: String| std::fs::read_to_string(folder.path().join(file)).unwrap();
+        let text = files.map(read).concat();
+        std::fs::write(folder.path().join("a.jsonl"), text).unwrap();
+        assert_eq!(drawn(folder.path(), &["a.jsonl".to_owned()]).0, expected);
+    }
+}
+
+#[test]
+fn a_run_goes_on_in_the_records_that_resumed_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["one.safetensors", "two.safetensors"];
+    let begun = json!({"updates": 3000, "resumed": first});
+    // Where the map was edited, and evaluated on other tasks, it is one run, too.
+    let apart = json!({"tasks": 9, "fingerprint": "3 x 3, b"});
+    let other = json!({"updates": 3000, "resumed": first, "tasks": 9, "fingerprint": "3 x 3, a"});
+    let edited = json!({"edit": "a", "tasks": 5, "fingerprint": "3 x 3, b"});
+    let files = [
+        record(folder.path(), "b.jsonl", &other, &[4], second),
+        record(folder.path(), "a.jsonl", &edited, &[1, 3], first),
+        record(folder.path(), "c.jsonl", &apart, &[4], ""),
+    ];
+    let (rows, notes) = drawn(folder.path(), &files);
+    let own = "edit=500 eval-tasks=5,9 1";
+    let expected = [own, own, own, "eval-tasks=9 1"].into_iter().zip([1, 3, 4, 4]);
+    assert_eq!(rows, expected.map(|(own, at)| format!("{own} {at}000")).collect::<Vec<_>>());
+    assert_eq!(notes, [""; 0]);
+    // What two were resumed from is part of both, of which the longer one is drawn.
+    let resumed = |file: &str, at: &[u64]| record(folder.path(), file, &begun, at, "");
+    let (short, long) = (resumed("b.jsonl", &[4]), resumed("c.jsonl", &[4, 5]));
+    let first_part = record(folder.path(), "a.jsonl", &json!({}), &[1, 3], first);
+    let (rows, notes) = drawn(folder.path(), &[short, long, first_part]);
+    assert_eq!(rows, ["her 1 1000", "her 1 3000", "her 1 4000", "her 1 5000"]);
+    assert!(notes.len() == 1 && notes[0].ends_with("b.jsonl"), "{notes:?}");
+}

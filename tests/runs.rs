@@ -72,6 +72,74 @@ fn runs_of_every_kind_are_lines_of_json() {
     has_parts(&refused, &["elsewhere: cannot be read"]);
 }
 
+const START: &str = r#"{"event":"start","world":"maze","map":{"name":"room"},"method":"gdg","preset":"default","settings":{},"seed":3,"updates":0}"#;
+
+#[test]
+fn a_line_that_is_no_record_is_named_and_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let listed = |text: String| {
+        std::fs::write(folder.path().join("run.jsonl"), text).unwrap();
+        let done = in_folder(folder.path(), &["runs", "--json"]);
+        (done.records(), done.err.trim_end().to_owned())
+    };
+    let long = "x".repeat(17 << 20);
+    for (line, problem) in [
+        ("[1]", ": not a record: no object with an \"event\""),
+        ("{\"event\":", ":9: not a record: not JSON"),
+        (
+            "{\"event\":\"progress\",\"updates\":-3}",
+            ": not a record: invalid value: integer `-3`, expected u64",
+        ),
+        (&long, ": not a record: longer than 16 MB"),
+    ] {
+        let none = listed(line.to_owned() + "\n");
+        assert_eq!(none, (Vec::new(), format!("run.jsonl:1{problem}: left out")));
+        let [one, nine] = [1, 9].map(|n| json!({"event": "progress", "updates": n}).to_string());
+        let (found, note) = listed([START, &one, line, &nine, ""].join("\n"));
+        assert_eq!(found[0]["updates"], 9, "the others are read");
+        assert_eq!(note, format!("run.jsonl:3{problem}: left out"));
+    }
+    let (_, note) = listed("version https://git-lfs.github.com/spec/v1\n".to_owned());
+    let pointer = "is a Git LFS pointer, which stands for the file, not records of a run";
+    assert_eq!(note, format!("run.jsonl: {pointer}: left out"));
+}
+
+#[test]
+fn a_checkpoint_is_found_from_above_its_records_and_null_in_json_once_it_is_gone() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let write = |file: &Path, text: &str| {
+        std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+        std::fs::write(file, text).is_ok()
+    };
+    let listed = |place: &str| {
+        in_folder(folder.path(), &["runs", path(place).to_str().unwrap(), "--json"]).records()
+    };
+    let text = |saved: &str| {
+        let saved = json!({"event": "saved", "updates": 1, "path": saved});
+        format!("{START}\n{saved}\n")
+    };
+    write(&path("saves/a.safetensors"), "");
+    write(&path("records/a.jsonl"), &text("saves/a.safetensors"));
+    let found = |place: &str| listed(place)[0]["checkpoint"].clone();
+    assert_eq!(found("records"), json!(path("saves/a.safetensors")));
+    std::fs::remove_file(path("saves/a.safetensors")).unwrap();
+    assert_eq!(found("records"), Value::Null);
+    // Not every file system has names that are no text.
+    let odd = path("odd").join(std::ffi::OsStr::from_bytes(b"a\xff.jsonl"));
+    if write(&odd, START) {
+        assert!(listed("odd")[0]["file"].as_str().unwrap().ends_with("a\u{fffd}.jsonl"));
+    }
+    // The present folder, or one above, may have another of that name.
+    write(&path("b/Cargo.toml"), "");
+    for named in ["Cargo.toml", "saves/Cargo.toml"] {
+        write(&path(named), "");
+        write(&path("b/a.jsonl"), &text(named));
+        assert_eq!(found("b"), json!(path("b/Cargo.toml")));
+    }
+}
+
 #[test]
 fn a_run_that_could_not_be_saved_in_its_folder_is_found_from_any() {
     let folder = tempfile::tempdir().unwrap();
