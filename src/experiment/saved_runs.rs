@@ -1,15 +1,15 @@
 //! Reads runs, with what their evaluations found: from results of experiments, checkpoints and
 //! records.
 
+mod columns;
 mod join;
 mod read_records;
 mod reader;
 
-use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime};
 
 use jiff::Timestamp;
 use miette::{Report, miette};
@@ -21,10 +21,11 @@ use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::headless::PROGRESS_EVERY_UPDATES;
 use crate::headless::records::Progress;
 use crate::process::errors::from_checkpoint_error;
-use crate::setup::saves::{ago, files_in, rate};
+use crate::setup::saves::files_in;
+pub use columns::{COLUMNS, RunCells, WRITTEN, changed, differing, name, table};
 use gdg::files::{has_extension, is_hidden, is_in_use};
 use gdg::job::Job;
-use gdg::text::{aligned, counted, grouped, sanitized};
+use gdg::text::{counted, sanitized};
 use gdg::train::{Evaluation, is_checkpoint, read_history};
 pub use join::whole;
 pub use read_records::RecordsReader;
@@ -266,90 +267,6 @@ impl SavedRun {
             "checkpoint": checkpoint.map(Path::to_string_lossy),
         })
     }
-}
-
-/// A column of a list of runs, which is printed as a table or shown on the screen.
-pub struct RunColumn {
-    pub name: &'static str,
-    pub cell: fn(&SavedRun) -> String,
-    /// The number that runs are sorted by, instead of what the column says.
-    pub number: Option<fn(&SavedRun) -> Option<f64>>,
-}
-
-/// All columns from left to right. The last one may be of any width.
-pub const COLUMNS: [RunColumn; 9] = [
-    text("map", |run| sanitized(&run.map)),
-    text("method", |run| {
-        let variant = run.variant.as_ref().map_or(String::new(), |name| format!(", {name}"));
-        sanitized(&format!("{}{variant}", run.method))
-    }),
-    // The first one first.
-    number("seed", |run| run.seed.to_string(), |run| Some(-(run.seed as f64))),
-    number("updates", |run| grouped(run.updates), |run| Some(run.updates as f64)),
-    number("planned", |run| rate(planned(run)), planned),
-    number("alone", |run| rate(alone(run)), alone),
-    text("state", |run| run.state().name().to_owned()),
-    number(
-        "written",
-        |run| run.written.and_then(ago).unwrap_or_else(|| "-".to_owned()),
-        |run| run.written?.duration_since(UNIX_EPOCH).ok().map(|since| since.as_secs_f64()),
-    ),
-    text("file", |run| name(&run.source)),
-];
-
-/// The index of the column by which runs are sorted at first.
-pub const WRITTEN: usize = 7;
-
-const fn text(name: &'static str, cell: fn(&SavedRun) -> String) -> RunColumn {
-    RunColumn { name, cell, number: None }
-}
-
-const fn number(
-    name: &'static str,
-    cell: fn(&SavedRun) -> String,
-    number: fn(&SavedRun) -> Option<f64>,
-) -> RunColumn {
-    RunColumn { name, cell, number: Some(number) }
-}
-
-fn planned(run: &SavedRun) -> Option<f64> {
-    run.of_last(|last| last.planned.as_ref()?.success)
-}
-
-fn alone(run: &SavedRun) -> Option<f64> {
-    run.of_last(|last| last.alone.success)
-}
-
-pub fn name(file: &Path) -> String {
-    sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
-}
-
-impl RunColumn {
-    /// Compares runs: the largest numbers come first unless the order is `reversed`, runs without
-    /// one last in both.
-    pub fn compare(&self, a: &SavedRun, b: &SavedRun, reversed: bool) -> Ordering {
-        let order = match self.number.map(|number| (number(a), number(b))) {
-            Some((Some(a), Some(b))) => b.total_cmp(&a),
-            Some((a, b)) => return b.is_some().cmp(&a.is_some()),
-            None => (self.cell)(a).to_lowercase().cmp(&(self.cell)(b).to_lowercase()),
-        };
-        if reversed { order.reverse() } else { order }
-    }
-}
-
-/// The table of runs, the newest first, with the settings in which they differ.
-pub fn table(mut runs: Vec<Arc<SavedRun>>) -> String {
-    runs.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
-    let is_common = |set: &String| runs.iter().all(|run| run.settings.contains(set));
-    let row = |run: &Arc<SavedRun>| -> Vec<String> {
-        let cells = COLUMNS[..COLUMNS.len() - 1].iter().map(|column| (column.cell)(run));
-        let own: Vec<_> = run.settings.iter().filter(|set| !is_common(set)).cloned().collect();
-        cells.chain([&*run.source.to_string_lossy(), &own.join(", ")].map(sanitized)).collect()
-    };
-    let rows: Vec<_> = runs.iter().map(row).collect();
-    let own = rows.iter().any(|row| !row[COLUMNS.len()].is_empty()).then_some("settings");
-    let head = COLUMNS.iter().map(|column| column.name).chain(own).map(str::to_owned).collect();
-    aligned(&[vec![head], rows].concat())
 }
 
 /// Returns the preset, the settings that differ from it, and what else runs differ in: seeds are

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use miette::{Report, miette};
 
 use super::{By, Drawable, Measure, PlotOptions, csv_of};
-use crate::experiment::saved_runs::{CIRCUMSTANCES, SavedRun};
+use crate::experiment::saved_runs::{CIRCUMSTANCES, SavedRun, differing};
 use crate::experiment::spec::told_apart;
 use crate::figure::{Chart, Curve, Point, colour, round_top};
 use gdg::draw::Rgb;
@@ -57,10 +57,20 @@ impl Grouping {
             });
             own.collect::<Vec<_>>()
         };
+        // The values of a sweep are all named, also that of the preset.
+        let mut swept: BTreeMap<_, Vec<&SavedRun>> = BTreeMap::new();
+        runs.iter().for_each(|run| swept.entry((kind(run), &run.variant)).or_default().push(run));
+        let swept = swept.into_iter().map(|(kind, runs)| (kind, differing(&runs)));
+        let swept: BTreeMap<_, _> = swept.collect();
         let setting = |run: &SavedRun| {
             let is_own = |set: &&String| !common[&kind(run)].contains(set);
-            let own: Vec<&str> = run.settings.iter().filter(is_own).map(String::as_str).collect();
-            let own = own.join(" ");
+            let of_preset = |name: &&str| match run.own_setting(name) {
+                None => Some(format!("{name}={}", run.setting(name)?)),
+                Some(_) => None,
+            };
+            let swept = swept[&(kind(run), &run.variant)].iter().filter_map(of_preset);
+            let own = run.settings.iter().filter(is_own).cloned().chain(swept);
+            let own = own.collect::<BTreeSet<_>>().into_iter().collect::<Vec<_>>().join(" ");
             // Variants of several experiments may have the same name.
             let mut others = alike[&kind(run)].iter();
             let is_known =

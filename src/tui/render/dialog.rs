@@ -18,7 +18,7 @@ use crate::tui::theme::{BOLD, DIM, REVERSED};
 use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.
-const MAX_LIST_SIZE: (u16, u16) = (112, 40);
+pub const MAX_LIST_SIZE: (u16, u16) = (112, 40);
 const MAX_PROMPT_WIDTH: u16 = 72;
 
 /// Minimum width of a searchable list, and minimum rows above the selected item's full text.

@@ -147,18 +147,6 @@ impl List {
         self.marks.clear();
     }
 
-    /// The name of a run's file, with its folder if another folder has one of that name.
-    pub fn file_of(&self, run: &SavedRun) -> String {
-        let file = |run: &SavedRun| run.source.file_name().map(ToOwned::to_owned);
-        let has_namesake = |other: &Arc<SavedRun>| {
-            other.source.parent() != run.source.parent() && file(other) == file(run)
-        };
-        let folder = run.source.parent().and_then(Path::file_name);
-        let folder = folder.filter(|_| self.all.iter().any(has_namesake));
-        let folder = folder.map_or(String::new(), |folder| format!("{}/", folder.display()));
-        sanitized(&folder) + &name(&run.source)
-    }
-
     /// The number of a run's letter, if it is marked.
     pub fn mark(&self, run: &SavedRun) -> Option<usize> {
         self.marks.iter().find(|(_, marked)| is_same(marked, run)).map(|(letter, _)| *letter)

@@ -11,7 +11,7 @@
 //! +----------------------------------------------+
 //! ```
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 use ratatui::Frame;
@@ -24,7 +24,7 @@ use ratatui::widgets::{Block, Borders, Cell, Paragraph, Row, Table};
 use super::list::{List, is_growing};
 use super::{NO_RUNS, RunsScreen};
 use crate::experiment::plot::Measure;
-use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, SavedRun, name};
+use crate::experiment::saved_runs::{CIRCUMSTANCES, COLUMNS, RunCells, SavedRun, changed, name};
 use crate::tui::action::{Action, Binding, ListAction, Mode, bindings};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ScreenLayout};
@@ -33,19 +33,17 @@ use crate::tui::render::curves::{Axes, PaneCurve, draw_chart, draw_heading};
 use crate::tui::render::dialog::draw_picker;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::theme::{BOLD, DIM, REVERSED, Theme};
-use gdg::text::{counted, display_width, fitted, fitted_file, grouped, sanitized};
-use gdg::train::{Preset, list_settings};
+use gdg::text::{counted, display_width, fitted, grouped, sanitized};
 
 /// The smallest screen with room for everything, in columns and rows.
 const MIN_SIZE: (u16, u16) = (60, 16);
 
-/// The columns of the list that are left out first, where files have fewer columns than this.
-const LEFT_OUT: [(&str, usize); 2] = [("written", 18), ("seed", 8)];
-
-/// The most columns of a text, of a setting's name and of its value.
-const MAX_TEXT: usize = 20;
+/// The most columns of a setting's name and of its value.
 const MAX_NAME: usize = 22;
 const MAX_VALUE: usize = 14;
+
+/// The name of what marked runs differ in.
+const HEAD: &str = "setting";
 
 const MIN_ROWS: usize = 6;
 
@@ -69,9 +67,12 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)])
             .areas(area);
-    let [list, curves, settings] = panes(body, screen.list.all().len());
+    let runs = drawn(&screen.list);
+    let told = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
+    let width = 1 + widths(&told, runs.len()).iter().map(|width| width + 1).sum::<usize>();
+    let [list, curves, settings] = panes(body, screen.list.all().len(), width);
     draw_list(frame, list, screen, &mut places);
-    header(frame, head, screen, places.layout.rows);
+    header(frame, head, screen, &places);
     let within = |frame: &mut Frame, area: Rect, borders| {
         let block = Block::new().borders(borders);
         let inner = block.inner(area);
@@ -79,7 +80,6 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
         inner
     };
     let inner = within(frame, curves, Borders::TOP);
-    let runs = drawn(&screen.list);
     let layout = &mut places.layout;
     let title = draw_curves(frame, inner, screen, &runs);
     layout.add(Rect { height: 1, ..title }, Click::Act(Action::List(ListAction::Axis)));
@@ -93,7 +93,7 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
             let lines = std::iter::once(Line::styled(" left out", BOLD)).chain(rows);
             frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), inner);
         }
-        _ => draw_settings(frame, inner, &runs, &screen.theme),
+        _ => draw_settings(frame, inner, &told, &runs, &screen.theme),
     }
     footer(frame, foot, screen, layout);
     if let Some(Dialog::Pick(list)) = &screen.dialog {
@@ -104,12 +104,14 @@ pub fn draw(frame: &mut Frame, screen: &RunsScreen) -> ClickAreas {
     places
 }
 
-fn panes(body: Rect, rows: usize) -> [Rect; 3] {
+/// Returns where the list, the curves and what runs differ in are: that gets the width that it needs.
+fn panes(body: Rect, rows: usize, width: usize) -> [Rect; 3] {
     let fill = Constraint::Fill;
     // One more for names.
     let rows = u16::try_from(rows.max(MIN_ROWS) + 1).unwrap_or(u16::MAX).min(body.height / 2);
     let [list, rest] = Layout::vertical([Constraint::Length(rows), fill(1)]).areas(body);
-    let [curves, settings] = Layout::horizontal([fill(3), fill(2)]).areas(rest);
+    let width = (width as u16).clamp(rest.width * 2 / 5, rest.width * 3 / 5);
+    let [curves, settings] = Layout::horizontal([fill(1), Constraint::Length(width)]).areas(rest);
     [list, curves, settings]
 }
 
@@ -135,7 +137,8 @@ fn style(letter: Option<usize>, theme: &Theme) -> Style {
 }
 
 /// Draws how many runs are listed, the words that they must have, and the rows in view.
-fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Rect, usize)) {
+fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &ClickAreas) {
+    let (view, first) = places.layout.rows;
     let RunsScreen { list, words, is_typing, .. } = screen;
     let is_run = |run: &&Arc<SavedRun>| !run.is_damaged();
     let [shown, all] =
@@ -156,7 +159,7 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Re
     }
     let rows = list.shown().len();
     let (sorted, reversed) = list.order;
-    if rows > 1 && columns(list, area.width.into()).iter().all(|(shown, _)| *shown != sorted) {
+    if rows > 1 && places.columns.iter().all(|(_, shown)| *shown != sorted) {
         let (name, arrow) = (COLUMNS[sorted].name, ARROWS[usize::from(reversed)]);
         spans.push(Span::raw(format!(" by {name}{arrow} ")));
     }
@@ -174,21 +177,19 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, (view, first): (Re
 fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut ClickAreas) {
     let RunsScreen { list, theme, .. } = screen;
     let [names, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    let columns = columns(list, usize::from(area.width));
+    let cells = RunCells::of(list.shown());
+    let columns = cells.columns(usize::from(area.width).saturating_sub(MARGIN + 1), "");
     let widths = columns.iter().map(|(_, width)| Constraint::Length(*width as u16));
     let widths: Vec<Constraint> =
         [Constraint::Length(MARGIN as u16)].into_iter().chain(widths).collect();
     let areas = Layout::horizontal(widths.clone()).spacing(1).split(names);
     places.columns = areas[1..].iter().zip(&columns).map(|(area, of)| (*area, of.0)).collect();
-    let cell = |text: String, (column, width): (usize, usize)| {
-        let fit = if column + 1 == COLUMNS.len() { fitted_file } else { fitted };
-        let line = Line::raw(fit(&text, width));
-        if COLUMNS[column].number.is_some() { line.right_aligned() } else { line }
-    };
+    let cell =
+        |text: &str, (i, width): &(usize, usize)| Line::raw(COLUMNS[*i].fitted(text, *width));
     let (sorted, reversed) = list.order;
     let heads = columns.iter().map(|of| match COLUMNS[of.0].name {
-        name if of.0 != sorted => cell(name.to_owned(), *of).style(DIM),
-        name => cell(format!("{name}{}", ARROWS[usize::from(reversed)]), *of).style(BOLD),
+        name if of.0 != sorted => cell(name, of).style(DIM),
+        name => cell(&format!("{name}{}", ARROWS[usize::from(reversed)]), of).style(BOLD),
     });
     let head: Row = [Line::default()].into_iter().chain(heads).collect();
     let (room, position) = (usize::from(rows.height), list.position());
@@ -197,11 +198,9 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Cl
     let shown = list.shown().enumerate().skip(first).take(room).map(|(i, run)| {
         let letter = list.mark(run);
         let sign = letter.map_or(String::new(), |_| format!(" {}", sign(letter)));
-        let cells = columns.iter().map(|of| match of.0 + 1 {
-            column if column == COLUMNS.len() => cell(list.file_of(run), *of),
-            _ => cell((COLUMNS[of.0].cell)(run), *of),
-        });
-        let cells = cells.filter(|_| !run.is_damaged());
+        // Those that cannot be read come last, and have none.
+        let own = cells.0.get(i).into_iter();
+        let cells = own.flat_map(|own| columns.iter().map(|of| cell(&own[of.0], of)));
         let row: Row =
             [Line::styled(sign, style(letter, theme))].into_iter().chain(cells).collect();
         if i == position { row.style(REVERSED) } else { row }
@@ -213,43 +212,24 @@ fn draw_list(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &mut Cl
             frame.render_widget(fitted_line(text, area.width), area);
         }
     }
-    if list.all().is_empty() {
-        let is_read = screen.read.is_some_and(|[read, all]| read == all);
-        let text = format!("   {}", if is_read { NO_RUNS } else { "reading ..." });
-        frame.render_widget(Line::styled(text, DIM), rows);
+    if list.shown().len() == 0 {
+        let text = match screen.read {
+            _ if !list.all().is_empty() => {
+                let key = screen.keymap.key_of(Action::Close);
+                format!("no run has \"{}\": {key} shows all", screen.words.value())
+            }
+            Some([read, all]) if read == all => NO_RUNS.to_owned(),
+            _ => "reading ...".to_owned(),
+        };
+        frame.render_widget(fitted_line(Line::styled(format!("   {text}"), DIM), rows.width), rows);
     }
-}
-
-/// Returns the columns that there is room for, and their widths: wide enough for every run, but for
-/// long texts; the last one gets the rest.
-fn columns(list: &List, room: usize) -> Vec<(usize, usize)> {
-    let max_text = (room / 7).clamp(6, MAX_TEXT);
-    let widest = |(i, column): (usize, &crate::experiment::saved_runs::RunColumn)| {
-        let runs = list.shown().filter(|run| !run.is_damaged());
-        let widest = runs.map(|run| display_width(&(column.cell)(run))).max().unwrap_or(0);
-        let most = if column.number.is_some() { usize::MAX } else { max_text };
-        // And the sign of the order.
-        (i, widest.min(most).max(column.name.len() + 1))
-    };
-    let mut columns: Vec<_> = COLUMNS[..COLUMNS.len() - 1].iter().enumerate().map(widest).collect();
-    let left = |columns: &[(usize, usize)]| {
-        let taken = columns.iter().map(|(_, width)| width + 1).sum::<usize>();
-        room.saturating_sub(MARGIN + 1 + taken)
-    };
-    for (name, least) in LEFT_OUT {
-        if left(&columns) < least {
-            columns.retain(|(kept, _)| COLUMNS[*kept].name != name);
-        }
-    }
-    columns.push((COLUMNS.len() - 1, left(&columns)));
-    columns
 }
 
 /// Draws the curves of runs; returns where their title is.
 fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[DrawnRun]) -> Rect {
     let (RunsScreen { theme, .. }, (measure, axis)) = (screen, screen.curves);
     let curve = |(letter, run): &DrawnRun| {
-        let stem = PathBuf::from(screen.list.file_of(run)).with_extension("");
+        let stem = run.source.file_stem().map_or(&*run.source, Path::new);
         let points = run.evaluations.iter();
         // A single curve is in the colour of what it shows, several in those of their runs.
         let own = measure.colour(run.plans());
@@ -288,14 +268,11 @@ fn draw_curves(frame: &mut Frame, area: Rect, screen: &RunsScreen, runs: &[Drawn
     head
 }
 
-/// Returns the names in which runs differ, each with its value in every run; of a single run, all
+/// Returns the names in which runs differ, each before its value in every run; of a single run, all
 /// that it does not share with its preset.
-fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
-    fn own(run: &SavedRun) -> impl Iterator<Item = (&str, &str)> {
-        run.settings.iter().filter_map(|setting| setting.split_once('='))
-    }
-    let row = |name: &str, value: &dyn Fn(&SavedRun) -> String| {
-        (name.to_owned(), runs.iter().map(|run| value(run)).collect::<Vec<String>>())
+fn differences(runs: &[&SavedRun]) -> Vec<Vec<String>> {
+    let row = |name: &str, value: &dyn Fn(&SavedRun) -> String| -> Vec<String> {
+        [name.to_owned()].into_iter().chain(runs.iter().map(|run| value(run))).collect()
     };
     let facts = [
         row("map", &|run| run.map.clone()),
@@ -318,54 +295,55 @@ fn differences(runs: &[&SavedRun]) -> Vec<(String, Vec<String>)> {
         .skip(1)
         .map(|(i, name)| row(name, &|run| run.circumstances()[i].clone().unwrap_or_default()));
     let circumstances = [edits].into_iter().chain(circumstances);
-    // A setting's value is the run's own, or else its preset's.
-    let value = |run: &SavedRun, name: &str| {
-        let of = |name: &str| own(run).find(|(own, _)| *own == name).map(|(_, value)| value);
-        let of_preset = || {
-            let settings = list_settings(&Preset::named(of("preset")?)?.settings());
-            settings.into_iter().find(|(known, _)| known == name).map(|(_, value)| value)
-        };
-        of(name).map(str::to_owned).or_else(of_preset).unwrap_or_else(|| "-".to_owned())
-    };
-    let mut names: Vec<&str> = Vec::new();
-    for (name, _) in runs.iter().flat_map(|run| own(run)) {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
+    let value = |run: &SavedRun, name: &str| run.setting(name).unwrap_or("-").to_owned();
+    let names = changed(runs);
     let settings = names.into_iter().map(|name| row(name, &|run| value(run, name)));
-    let is_told = |(_, values): &(String, Vec<String>)| match &values[..] {
+    let is_told = |row: &Vec<String>| match &row[1..] {
         [value] => !value.is_empty(),
         values => values.iter().any(|value| *value != values[0]),
     };
     facts.into_iter().chain(circumstances).chain(settings).filter(is_told).collect()
 }
 
-fn draw_settings(frame: &mut Frame, area: Rect, runs: &[DrawnRun], theme: &Theme) {
-    let rows = differences(&runs.iter().map(|(_, run)| *run).collect::<Vec<_>>());
-    let title = if runs.len() > 1 { " differences" } else { " run" };
-    let names = rows.iter().map(|(name, _)| display_width(name)).max().unwrap_or(0);
-    let widest = rows.iter().flat_map(|(_, values)| values).map(|value| display_width(value));
-    let most = if runs.len() == 1 { usize::from(area.width) } else { MAX_VALUE };
-    let most = widest.max().unwrap_or(0).clamp(1, most.max(1));
-    // Where room is short, names are cut, not values.
-    let room = usize::from(area.width).saturating_sub(1 + runs.len() * (most + 1));
-    let names = names.clamp(title.len() - 1, MAX_NAME).min(room.max(title.len() - 1));
-    let width = Constraint::Length(most as u16);
-    let (name, values) = (Constraint::Length(names as u16 + 1), vec![width; runs.len()]);
-    let widths: Vec<Constraint> = [name].into_iter().chain(values).collect();
+/// Returns the widths of names and of the values of each run, which need a gap before each.
+fn widths(rows: &[Vec<String>], runs: usize) -> Vec<usize> {
+    let widest = |i: usize| rows.iter().map(|row| display_width(&row[i])).max().unwrap_or(0);
+    let values = |i| widest(i).min(if runs == 1 { usize::MAX } else { MAX_VALUE }).max(1);
+    [widest(0).clamp(HEAD.len(), MAX_NAME)].into_iter().chain((1..=runs).map(values)).collect()
+}
+
+fn draw_settings(
+    frame: &mut Frame,
+    area: Rect,
+    rows: &[Vec<String>],
+    runs: &[DrawnRun],
+    theme: &Theme,
+) {
+    let mut widths = widths(rows, runs.len());
+    // Where room is short, the widest are cut.
+    let room = usize::from(area.width);
+    while widths.iter().map(|width| width + 1).sum::<usize>() > room
+        && let Some(widest) = widths.iter_mut().max().filter(|width| **width > 1)
+    {
+        *widest -= 1;
+    }
     let letter = |(letter, _): &DrawnRun| {
         Span::styled(sign(*letter).to_string(), style(*letter, theme).patch(BOLD))
     };
     let letters = runs.iter().filter(|_| runs.len() > 1).map(letter);
-    let head = [Span::styled(title, BOLD)].into_iter().chain(letters);
-    let rows = rows.into_iter().map(|(name, values)| {
-        let name = Cell::new(format!(" {}", fitted(&name, names))).style(DIM);
-        let shown = |own: String| if own.is_empty() { "-".to_owned() } else { fitted(&own, most) };
-        let values = values.into_iter().map(shown);
-        [name].into_iter().chain(values.map(Cell::new)).collect::<Row>()
+    let title = if runs.len() > 1 { HEAD } else { "run" };
+    let head = [Span::styled(fitted(title, widths[0]), BOLD)].into_iter().chain(letters);
+    let rows = rows.iter().map(|row| {
+        let cell = |(i, text): (usize, &String)| {
+            let text = if text.is_empty() { "-" } else { text };
+            Cell::new(fitted(text, widths[i])).style(if i == 0 { DIM } else { Style::new() })
+        };
+        row.iter().enumerate().map(cell).collect::<Row>()
     });
-    frame.render_widget(Table::new(rows, widths).header(head.collect()), area);
+    let columns = widths.iter().map(|width| Constraint::Length(*width as u16));
+    let table = Table::new(rows, columns).header(head.collect());
+    let [_, area] = Layout::horizontal([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    frame.render_widget(table, area);
 }
 
 fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut ScreenLayout) {
@@ -384,12 +362,15 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
     }
     let is_watched = screen.list.selected().is_some_and(|run| is_growing(run));
     let is_shown = |b: &&Binding| !b.short.is_empty() && b.is_active(Mode::Listing);
+    let all = (Action::Close, "all");
+    let all = [all].into_iter().filter(|_| !screen.words.value().is_empty());
     let keys = bindings().filter(is_shown).map(|b| match b.action {
         Action::List(ListAction::Open) if screen.list.pair().is_some() => (b.action, "compare"),
         Action::List(ListAction::Open) if is_watched => (b.action, "watch"),
         action => (action, b.short),
     });
-    bars::fitting(keys.collect(), &screen.keymap, area.width, false).draw(frame, area, layout);
+    bars::fitting(all.chain(keys).collect(), &screen.keymap, area.width, false)
+        .draw(frame, area, layout);
     layout.add(Rect { height: 1, ..layout.screen }, Click::Act(Action::Help));
 }
 
@@ -397,23 +378,24 @@ fn footer(frame: &mut Frame, area: Rect, screen: &RunsScreen, layout: &mut Scree
 mod tests {
     use super::super::tests::saved;
     use super::*;
+    use gdg::train::Preset;
 
     #[test]
     fn settings_that_one_run_leaves_to_its_preset_have_the_presets_value() {
         let one = saved("a", "trap", "gdg", 1, &[]);
-        let all = list_settings(&Preset::Default.settings());
-        let hidden = all.into_iter().find(|(known, _)| known == "hidden").expect("a setting").1;
+        let hidden = Preset::Default.settings().learn.hidden.to_string();
         assert_ne!(hidden, "16");
         let other = SavedRun { settings: vec!["preset=default".to_owned()], ..one.clone() };
         assert_eq!(
             differences(&[&one, &other]),
-            [("hidden".to_owned(), vec!["16".to_owned(), hidden])],
+            [["hidden".to_owned(), "16".to_owned(), hidden]],
             "map, method and seed are the same"
         );
         let third = SavedRun { seed: 2, ..other.clone() };
         let differ = differences(&[&other, &third]);
-        assert_eq!(differ, [("seed".to_owned(), vec!["1".to_owned(), "2".to_owned()])]);
-        let alone: Vec<String> = differences(&[&one]).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(differ, [["seed", "1", "2"]]);
+        let alone: Vec<String> =
+            differences(&[&one]).into_iter().map(|row| row[0].clone()).collect();
         assert_eq!(alone, ["map", "method", "seed", "updates", "preset", "hidden"]);
     }
 }

@@ -140,7 +140,7 @@ fn the_mouse_sorts_selects_and_marks() {
     click(&mut screen, MouseButton::Left, place_of(&shown, "planned "));
     assert_eq!(screen.list.order, (4, false));
     let shown = shown_by(&mut screen, 120, 40);
-    let at = place_of(&shown, "fourrooms-2.safetensors");
+    let at = place_of(&shown, "fourrooms-2");
     click(&mut screen, MouseButton::Left, at);
     assert!(screen.list.marked().is_empty());
     click(&mut screen, MouseButton::Left, at);

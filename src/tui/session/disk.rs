@@ -91,7 +91,7 @@ pub fn pick_checkpoint(session: &mut Session) {
         });
         Box::new(move |cx| match found.runs.len() {
             0 => cx.screen.notify(&format!("no runs here yet: {key} saves this one")),
-            _ => cx.screen.open(lists::checkpoints(found.runs)),
+            _ => cx.screen.open(lists::checkpoints(found.runs, cx.screen.layout.screen.width)),
         })
     });
 }
