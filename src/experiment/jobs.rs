@@ -27,7 +27,7 @@ use crate::setup::{begin, learn_from, parallel_jobs};
 use gdg::files::check_writable;
 use gdg::job::Stopwatch;
 use gdg::printing::eprint_line;
-use gdg::text::{aligned, counted, grouped, sanitized};
+use gdg::text::{aligned, counted, display_width, fitted_file, grouped, sanitized};
 use gdg::train::{
     self, EndReason, Registry, SaveTo, Schedule, Trainer, TrainingEvent, TrainingLoop,
 };
@@ -37,6 +37,9 @@ const SHORT: f64 = 0.1;
 
 /// Least time between two lines about evaluations; the last one of each job is always printed.
 const BETWEEN_LINES: Duration = Duration::from_secs(10);
+
+/// The fewest columns of a job's name on a terminal.
+const LEAST_NAME: usize = 12;
 
 #[derive(Clone, Debug, Args)]
 pub struct JobOptions {
@@ -284,7 +287,7 @@ impl Runner<'_> {
     }
 
     fn say(&self, i: usize, text: &str) {
-        eprint_line(&format!("{}: {text}", self.open[i].name));
+        eprint_line(&line(&self.open[i].name, text, terminal_width()));
     }
 
     /// Runs a job; an error or a panic becomes [`End::Failed`].
@@ -436,9 +439,17 @@ impl Runner<'_> {
         let mut said = self.said.lock();
         if done >= amount || said.is_none_or(|at| at.elapsed() >= BETWEEN_LINES) {
             *said = Some(Instant::now());
+            let share = 100.0 * self.share_of(i, trainer);
             let [done, amount] = [done, amount].map(grouped);
-            let so_far = format!("{done} of {amount} {unit}, {success}");
-            self.say(i, &format!("{so_far}, {rate:.0} updates/s{overall}"));
+            self.say(
+                i,
+                &match terminal_width() {
+                    Some(_) => format!("{share:.0} %, {success}{overall}"),
+                    None => format!(
+                        "{done} of {amount} {unit}, {success}, {rate:.0} updates/s{overall}"
+                    ),
+                },
+            );
         }
         if !evaluation.is_finite() && done >= amount {
             let help = "try another seed, or a smaller learning_rate";
@@ -446,6 +457,17 @@ impl Runner<'_> {
         }
         Ok(true)
     }
+}
+
+/// Returns the columns of the terminal that lines are printed to, if they are.
+fn terminal_width() -> Option<usize> {
+    console::Term::stderr().size_checked().map(|(_, columns)| columns.into())
+}
+
+/// Returns a line about a job, with as much of its name as fits.
+fn line(name: &str, text: &str, width: Option<usize>) -> String {
+    let room = width.map(|width| width.saturating_sub(display_width(text) + 2).max(LEAST_NAME));
+    format!("{}: {text}", fitted_file(name, room.unwrap_or(usize::MAX)))
 }
 
 struct JobsProgress {
@@ -488,6 +510,17 @@ impl JobsProgress {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_fit_the_terminal_if_there_is_one() {
+        let of = |width| line("trap-hidden_32-seed1-19e239", "10 %, planned 0.50", width);
+        let [whole, cut] = ["trap-hidden_32-seed1-19e239", "trap-hid...d1-19e239"];
+        assert_eq!(
+            [None, Some(47)].map(of),
+            [(); 2].map(|()| format!("{whole}: 10 %, planned 0.50"))
+        );
+        assert_eq!(of(Some(40)), format!("{cut}: 10 %, planned 0.50"));
+    }
 
     #[test]
     fn the_time_left_follows_from_what_this_process_has_done() {
