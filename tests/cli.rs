@@ -447,7 +447,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
             &["check", &file("valid/plain.scn")],
             &["did you mean plain.scen? give a map file, or a name from 'gdg-tui maps'"],
         ),
-        (&["watch", "no-such"], &["no-such: does not exist", "--save FILE"]),
+        (&["watch", "no-such"], &["no-such: cannot be read: No such file", "--save FILE"]),
         (&["check", "no-such.scen"], &["cannot be read", "give a scenario file"]),
         (&["check", &scenario, "--map", &scenario], &["this is a scenario file", "--scen"]),
         (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),

@@ -290,6 +290,9 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     std::fs::create_dir(path("jobs")).unwrap();
     std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
     for (held, state) in [(true, "\"training\""), (false, "\"ended\"")] {
+    // What is refused is not in the help.
+    session.press_for("?throttle", "no match");
+    session.close("no match");
         if held {
             std::fs::write(path("jobs/job.lock"), "").unwrap();
         } else {
@@ -301,7 +304,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     }
     // One that nothing here knows of yet.
     let session = Session::start(folder.path(), &["watch", "later.safetensors"]);
-    session.wait_for("later.safetensors: not saved yet: waiting");
+    session.wait_for("waiting for later.safetensors, which is not there yet: Ctrl-C ends");
     std::fs::write(path("later.safetensors"), &checkpoint).unwrap();
     session.wait_for("watching later ");
     in_folder(folder.path(), &["watch", "none.jsonl"]).refusal();

@@ -13,7 +13,7 @@ use super::{CommandOutcome, bad_input, failure, prepare, print};
 use crate::cli::{Cli, OpenArgs, RunsArgs, TrainArgs, WatchArgs};
 use crate::experiment::saved_runs::{RunReader, RunState, SavedRun, table, whole};
 use crate::process::waiting::Waiting;
-use crate::setup::saves::{is_named_like_one, recovered};
+use crate::setup::saves::{checkpoint_file, is_named_like_one, recovered};
 use crate::tui::{
     self, ComparisonOptions, Contender, NO_RUNS, Opened, Opener, PreparedInterface, RunsScreen,
     TrainedElsewhere, Wish,
@@ -103,6 +103,9 @@ pub fn watch(args: &WatchArgs, registry: &Arc<Registry>) -> CommandOutcome {
 
 /// Returns checkpoint, once it is there, and records of a file's run; of a folder, of the latest one.
 fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
+    let named = Some(checkpoint_file(&given.to_string_lossy()));
+    let named = named.filter(|named| !given.exists() && named.exists());
+    let given = named.as_deref().unwrap_or(given);
     let file = Some(whole(given)).filter(|_| !given.is_dir());
     let beside = file.as_deref().and_then(Path::parent);
     let is_meant = |run: &&Arc<SavedRun>| {
@@ -121,7 +124,8 @@ fn to_watch(given: &Path) -> Result<(Option<PathBuf>, PathBuf), Report> {
     }
     let own = || (Some(given.to_owned()), given.to_owned());
     found.or_else(|| is_named_like_one(given).then(own)).ok_or_else(|| {
-        let problem = if given.exists() { NO_RUNS } else { "does not exist" };
+        let problem = given.metadata().err().map(|error| format!("cannot be read: {error}"));
+        let problem = problem.unwrap_or_else(|| NO_RUNS.to_owned());
         let help = "a run is seen as its checkpoint has it: train with --save FILE";
         miette!(help = help, "{}: {problem}", given.display())
     })
@@ -174,7 +178,8 @@ fn wait_for(file: &Path) {
         !file.exists() && absolute(file).is_ok_and(|file| file.parent().is_some_and(Path::exists))
     };
     if is_named_like_one(file) && is_to_come() {
-        eprint_line(&format!("{}: not saved yet: waiting (Ctrl-C cancels)", file.display()));
+        let file = file.display();
+        eprint_line(&format!("waiting for {file}, which is not there yet: Ctrl-C ends"));
         while is_to_come() {
             std::thread::sleep(Duration::from_secs(1));
         }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::dialog::{Choice, Item, Picker};
-use crate::experiment::saved_runs::{COLUMNS, SavedRun, WRITTEN, name};
+use crate::experiment::saved_runs::{COLUMNS, RunCells, SavedRun, WRITTEN, name};
 use crate::process::logging;
 use crate::tui::action::{Action, Binding, ListAction, Mode, SECTIONS, bindings};
 use crate::tui::choices::ExportKind;

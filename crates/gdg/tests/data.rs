@@ -258,7 +258,7 @@ fn other_and_damaged_files_are_refused() {
         let found = problem(&file);
         assert!(found.contains(expected), "{found}");
     }
-    assert!(problem(&folder.path().join("missing.npz")).starts_with("the data cannot be read: "));
+    assert!(problem(&folder.path().join("missing.npz")).starts_with("cannot be read: "));
 }
 
 /// Written by np.savez_compressed, with states of float64, ends of bool, and another array.

@@ -287,8 +287,8 @@ fn checksum(path: &Path, parts: usize, progress: &Job) -> Result<(u32, Option<Fi
             }
         }
     };
-    let help = "give --data FILE if they are elsewhere, with --resume FILE for a saved run";
-    let unread = |error| unfit(path, format!("the data cannot be read: {error}: {help}"));
+    let help = "give --data FILE if it is elsewhere, with --resume FILE for a saved run";
+    let unread = |error| unfit(path, format!("cannot be read: {error}: {help}"));
     Ok((read().map_err(unread)?, facts))
 }
 
