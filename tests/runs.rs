@@ -208,6 +208,35 @@ fn a_run_is_found_and_resumed_on_a_terminal() {
 }
 
 #[test]
+fn runs_of_a_sweep_are_told_apart_and_deleted_with_their_pictures() {
+    use crate::support::Session;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join("saves/suite").join(name);
+    let line = "suite trap --sweep hidden=16,128 --max-updates 20 --eval-tasks 1";
+    let done = in_folder(folder.path(), &words(line));
+    // The preset's own value has a name, too.
+    has_parts(done.success(), &["gdg-bridge, hidden=16 ", "gdg-bridge, hidden=128 "]);
+    let mut session = Session::start(folder.path(), &["runs"]);
+    session.wait_for("hidden=16 ");
+    session.wait_for("hidden=128 ");
+    assert!(!session.screen_text().contains(".json"), "files have no endings");
+    session.press_for("/hidden=16\r", "1 of 2 runs");
+    session.press_for("d", "; the report stays");
+    session.press_for("d", "deleted 3 files");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    for folder in ["jobs", "pictures"] {
+        let left = std::fs::read_dir(path(folder)).unwrap().map(|file| file.unwrap().file_name());
+        let left: Vec<String> = left.map(|file| file.into_string().unwrap()).collect();
+        assert!(
+            left.iter().all(|file| file.contains("hidden_128")) && !left.is_empty(),
+            "{left:?}"
+        );
+    }
+    assert!(path("report.md").is_file());
+}
+
+#[test]
 fn a_run_that_is_slow_or_stopped_has_not_ended() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.jsonl");
@@ -261,6 +290,9 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
         session.press(key);
         session.wait_for("this run is only watched: C trains a copy");
     }
+    // What is refused is not in the help.
+    session.press_for("?throttle", "no match");
+    session.close("no match");
     let progress = json!({"event": "progress", "seconds": 2.0, "updates": 7777, "env_steps": 9,
         "episodes": 0, "updates_per_second": 1.0, "left": 4000.0, "losses": {}});
     let mut file = std::fs::File::options().append(true).open(path("own.jsonl")).unwrap();
@@ -290,9 +322,6 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     std::fs::create_dir(path("jobs")).unwrap();
     std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
     for (held, state) in [(true, "\"training\""), (false, "\"ended\"")] {
-    // What is refused is not in the help.
-    session.press_for("?throttle", "no match");
-    session.close("no match");
         if held {
             std::fs::write(path("jobs/job.lock"), "").unwrap();
         } else {

@@ -16,7 +16,7 @@ use miette::{Report, miette};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::folder::read_result;
+use super::folder::{picture_name, read_result};
 use super::spec::{EvaluationAt, JobResult, evaluations, setting_text};
 use crate::headless::PROGRESS_EVERY_UPDATES;
 use crate::headless::records::Progress;
@@ -130,6 +130,9 @@ impl RunState {
 impl SavedRun {
     pub fn of_result(result: JobResult, source: PathBuf) -> Self {
         let checkpoint = Some(source.with_extension("safetensors")).filter(|path| path.is_file());
+        let out = source.parent().and_then(Path::parent);
+        let picture = out.map(|out| out.join(picture_name(&result.name)));
+        let picture = picture.filter(|path| path.is_file());
         let data = result.data.map(|data| data.checksum);
         // As records and checkpoints call it.
         let id = result.world.strip_prefix("gym:").and_then(|address| address.rsplit(':').next());
@@ -147,7 +150,7 @@ impl SavedRun {
             eval_tasks: result.eval_tasks,
             updates: result.updates,
             evaluations: result.evaluations,
-            others: checkpoint.iter().cloned().collect(),
+            others: checkpoint.iter().cloned().chain(picture).collect(),
             checkpoint,
             ..Self::default()
         }

@@ -10,6 +10,7 @@ use crate::tui::action::{Action, Binding, ListAction, Mode, SECTIONS, bindings};
 use crate::tui::choices::ExportKind;
 use crate::tui::keymap::Keymap;
 use crate::tui::pane_text::clock;
+use crate::tui::render::dialog::MAX_LIST_SIZE;
 use crate::tui::render::side::training::MEANINGS as NUMBERS;
 use crate::tui::scene::{Scene, legend};
 use crate::tui::screen::Screen;
@@ -18,7 +19,7 @@ use gdg::bridge::Planner;
 use gdg::engine::Snapshot;
 use gdg::env::WorldKind;
 use gdg::map::{BUILTIN, Grid, RandomMapKind};
-use gdg::text::{aligned, fitted, grouped, padded};
+use gdg::text::{fitted, grouped, padded, sanitized};
 use gdg::train::{
     LogEntry, METHODS, Method, NamedMethod, Preset, Registry, Run, SETTINGS, Setting, USUAL,
     about_setting, list_settings,
@@ -66,7 +67,10 @@ pub fn help_in(
     introduction: &str,
     more: impl Iterator<Item = Item>,
 ) -> Picker {
-    let is_here = |b: &&Binding| scene.offers(b.action) && modes.iter().any(|m| b.is_active(*m));
+    let is_here = |b: &&Binding| {
+        let is_refused = screen.elsewhere.is_some() && b.changes_run();
+        scene.offers(b.action) && modes.iter().any(|m| b.is_active(*m)) && !is_refused
+    };
     // In the editor, what is its own comes first.
     let is_own = |b: &Binding| b.when == Some(Mode::Editing) && scene.is_editing();
     let (first, others): (Vec<_>, Vec<_>) =
@@ -234,12 +238,12 @@ pub fn quit_choices(lost: String, file: &Path) -> Picker {
     ask("save before quitting?", [save, quit])
 }
 
-/// Asks whether to delete files; nothing is lost unless that is chosen.
+/// Asks whether to keep files; nothing is lost unless they are deleted.
 pub fn deletion(what: &str, names: String) -> Picker {
+    let keep = Item::new("keep", "", Choice::Nothing).on('y');
     let delete = Choice::Act(Action::List(ListAction::Delete));
     let delete = Item::new("delete", "for good", delete).on('d');
-    let stay = Item::new("keep", "", Choice::Nothing).on('n');
-    Picker::new(format!("delete {what}?"), vec![stay, delete]).explaining(names)
+    ask(format!("keep {what}?"), [keep, delete]).explaining(names)
 }
 
 pub fn quit_comparison() -> Picker {
@@ -360,24 +364,35 @@ pub fn messages(log: &[LogEntry]) -> Option<Picker> {
     (!items.is_empty()).then(|| Picker::new("messages", items))
 }
 
-/// Lists checkpoints, the latest first, as lists of runs do; those that cannot be loaded come last, with
-/// the reason.
-pub fn checkpoints(mut found: Vec<Arc<SavedRun>>) -> Picker {
+/// Columns of a list of checkpoints besides its rows.
+const BESIDE: u16 = 6;
+
+/// Lists checkpoints, the latest first, as lists of runs do, on a screen of this `width`; those that cannot
+/// be loaded come last, with the reason.
+pub fn checkpoints(mut found: Vec<Arc<SavedRun>>, width: u16) -> Picker {
     found.sort_by(|a, b| COLUMNS[WRITTEN].compare(a, b, false));
+    found.sort_by_key(|run| run.is_damaged());
+    let cells = RunCells::of(&found);
     // A checkpoint alone does not tell whether a program trains the run.
-    let columns = || COLUMNS.iter().filter(|column| column.name != "state");
-    let names = columns().map(|column| column.name.to_owned()).collect();
-    let cells = |run| columns().map(|column| (column.cell)(run)).collect();
-    let rows = [vec![names], found.iter().map(|run| cells(run)).collect()].concat();
-    let rows: Vec<String> = aligned(&rows).lines().map(str::to_owned).collect();
-    let item = |(run, row): (&Arc<SavedRun>, &String)| {
+    let room = width.min(MAX_LIST_SIZE.0).saturating_sub(BESIDE);
+    let columns = cells.columns(room.into(), "state");
+    let row = |text: &dyn Fn(usize) -> String| {
+        let cells = columns.iter().map(|(i, width)| COLUMNS[*i].fitted(&text(*i), *width));
+        cells.collect::<Vec<_>>().join(" ")
+    };
+    let names = row(&|i| COLUMNS[i].name.to_owned());
+    let item = |(i, run): (usize, &Arc<SavedRun>)| {
         let item = match &run.problem {
             Some(problem) => {
                 Item::new(format!("{}{problem}", name(&run.source)), "", Choice::Nothing)
             }
-            None => Item::new(row, "", Choice::Load(run.source.clone())),
+            None => Item {
+                words: run.settings.join(" "),
+                below: vec![sanitized(&run.source.to_string_lossy())],
+                ..Item::new(row(&|of| cells.0[i][of].clone()), "", Choice::Load(run.source.clone()))
+            },
         };
-        item.within(format!(" {}", rows[0]))
+        item.within(format!(" {names}"))
     };
-    Picker::new("checkpoint", found.iter().zip(&rows[1..]).map(item).collect())
+    Picker::new("checkpoint", found.iter().enumerate().map(item).collect())
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::{RunKind, RunState, SavedRun};
 use crate::experiment::spec::EvaluationAt;
+use gdg::files::has_extension;
 use gdg::text::safe_file_name;
 
 /// Joins parts of runs that were resumed, or begun again, in the order in which they began.
@@ -54,7 +55,8 @@ pub fn join(mut runs: Vec<Arc<SavedRun>>) -> Vec<Arc<SavedRun>> {
     let of_another = checkpoints.iter().filter(|i| into[**i].is_none());
     for result in of_another.filter_map(|i| results.get(&stem(*i))).collect::<Vec<_>>() {
         let result = Arc::make_mut(&mut runs[*result]);
-        (result.others, result.checkpoint) = (Vec::new(), None);
+        result.checkpoint = None;
+        result.others.retain(|file| has_extension(file, "png"));
     }
     let mut naming: HashMap<PathBuf, Vec<usize>> = HashMap::new();
     let is_open = |into: &[Option<usize>], all: &[usize]| -> Vec<usize> {

@@ -224,8 +224,10 @@ impl List {
         // What has just been written another program may still train.
         let written = files.values().flatten().max().copied();
         let written = written.and_then(ago).map_or(String::new(), |at| format!("; written {at}"));
+        let is_job = |file: &PathBuf| file.parent().is_some_and(|folder| folder.ends_with("jobs"));
+        let report = if files.keys().any(is_job) { "; the report stays" } else { "" };
         let count = counted(files.len() as u64, "file");
-        Ok((lists::deletion(&format!("{count}{others}"), names + &written), files))
+        Ok((lists::deletion(&format!("{count}{others}"), names + &written + report), files))
     }
 }
 

@@ -184,7 +184,13 @@ const ROWS: &[ScreenTest] = &[
     (List, LARGE, "m{down}m", &["Enter compare"], &["Enter open"]),
     (List, SMALL, "", &["planned", "alone", "state", "by written\u{2193}"], &[]),
     (List, LARGE, "{enter}", &["it has no checkpoint"], &[]),
-    (List, LARGE, "d", &["delete 1 file?", "d delete", "n keep"], &["type to search"]),
+    (
+        List,
+        LARGE,
+        "d",
+        &["keep 1 file?", "y keep", "d delete", "the report stays"],
+        &["type to search"],
+    ),
     (List, SMALL, "?", &["mark the selected run", "...  m"], &[]),
     (List, LARGE, "?mark{enter}", &["\u{2500} A "], &[]),
 ];
