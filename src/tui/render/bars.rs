@@ -240,20 +240,19 @@ pub fn fitting(
 /// Returns the name and the keys of what is on top of the map, if anything is: the past, the editor or
 /// a cursor.
 pub fn on_top(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLine> {
-    let end = [(Action::Help, "help"), (Action::Quit, "quit")];
     let maze = scene.maze();
-    if screen.past.is_some() {
+    let (name, own, text) = if screen.past.is_some() {
         let own = [(Action::Back, "earlier"), (Action::Forth, "later"), (Action::Close, "now")];
-        let keys = [&own[..], &end].concat();
-        return Some(named_keys(screen, "PAST", &[], &keys, "panes show the present", width));
-    }
-    if let Some(editor) = maze.map(|maze| &maze.editor).filter(|editor| editor.is_open()) {
+        ("PAST", own, "panes show the present")
+    } else if let Some(editor) = maze.map(|maze| &maze.editor).filter(|editor| editor.is_open()) {
         return Some(editing(screen, editor, width));
-    }
-    maze?.inspecting?;
-    let own = [(Action::GoalHere, "goal"), (Action::StartHere, "start"), (Action::Inspect, "done")];
-    let keys = [&own[..], &end].concat();
-    Some(named_keys(screen, "CELL", &[], &keys, "arrows move", width))
+    } else {
+        maze?.inspecting?;
+        let own = [Action::GoalHere, Action::StartHere, Action::Inspect];
+        ("CELL", [(own[0], "goal"), (own[1], "start"), (own[2], "done")], "arrows move")
+    };
+    let keys = [&own[..], &[(Action::Help, "help"), (Action::Quit, "quit")]].concat();
+    Some(named_keys(screen, name, &[], &keys, text, width))
 }
 
 /// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.
