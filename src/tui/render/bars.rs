@@ -118,9 +118,8 @@ pub fn draw_first_that_fits(frame: &mut Frame, row: Rect, hints: Vec<String>) {
 fn past(screen: &Screen, scene: &Scene) -> Option<Vec<String>> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
-    let success = snapshot
-        .success_at(frame.updates)
-        .map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    let known = snapshot.evaluation_at(frame.updates);
+    let success = known.map_or(String::new(), |e| format!(", {}", e.success(frame.updates)));
     // The film keeps D and the agents, but not the walls.
     let walls = if snapshot.is_edited_since(frame.updates) { ", walls of today" } else { "" };
     let goal = if scene.shown_goal() == scene.goal() { "" } else { ": G is the film's" };
