@@ -15,7 +15,7 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     session.close("Two methods, A and B");
     session.press_for(" ", "paused");
     session.press_for("E", "map as PNG");
-    session.press_for("\r", "; B: wrote exports/trap-");
+    session.press_for("\r", "B: wrote");
     assert_eq!(std::fs::read_dir(folder.path().join("exports")).unwrap().count(), 2);
     session.press_for("?axis\r", "success over environment steps");
     for (cols, rows) in [(1, 1), (200, 60), (40, 10)] {

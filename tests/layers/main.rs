@@ -28,7 +28,7 @@ const LIBRARY: [Room; 15] = [
     ("learn", 8_823),
     ("bridge", 4_007),
     ("train", 6_982),
-    ("engine", 1_214),
+    ("engine", 1_212),
     ("draw", 810),
     ("viewer", 1_670),
 ];

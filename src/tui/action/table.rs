@@ -243,7 +243,7 @@ const VIEW: &[Binding] = &[
         .about("contour lines, on or off", "isolines levels overlay layer hide show"),
     overlay(Overlay::Unexplored, "unvisited", &["x"])
         .about("unvisited places and their edge, on or off", "unexplored exploration frontier fog"),
-    overlay(Overlay::Agents, "agents", &["a"])
+    overlay(Overlay::Agents, "agents", &["shift-a"])
         .about("exploring agents, trails, frontier goals, on or off", "explorers robots dots"),
     overlay(Overlay::Candidates, "candidates", &["b"])
         .about("bridge candidates, on or off (zoom in for more)", "bridges points nodes waypoints"),
@@ -253,7 +253,7 @@ const VIEW: &[Binding] = &[
         .about("the latest search for a bridge point, on or off", "bridge overlay layer"),
     overlay(Overlay::Path, "path", &["p"])
         .about("the path planned by @, on or off", "plan route waypoints overlay layer hide show"),
-    overlay(Overlay::Ghost, "ghost", &["shift-a"])
+    overlay(Overlay::Ghost, "ghost", &["a"])
         .about("a, the actor alone from the same start, on or off", "ghost pale plan walker")
         .short("actor"),
     watch_scene(A::Inspect, "inspect", &["i"])

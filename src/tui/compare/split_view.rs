@@ -14,7 +14,6 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::Style;
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
@@ -30,7 +29,7 @@ use crate::tui::render::side::training;
 use crate::tui::render::{bars, curves, finish_frame, too_small};
 use crate::tui::scene::{Drawing, SceneKind, legend};
 use crate::tui::session::{Cx, Session};
-use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED, Theme};
+use crate::tui::theme::{BOLD, ColourDepth, DIM, REVERSED};
 use gdg::engine::Phase;
 use gdg::text::{fitted, grouped};
 use gdg::train::Evaluation;
@@ -152,16 +151,16 @@ fn draw_title(frame: &mut Frame, area: Rect, comparison: &Comparison, own: usize
         _ => String::new(),
     };
     let title = fitted(format!(" {title} {state}").trim_end(), usize::from(area.width));
-    let title = Span::styled(format!("{title} "), style(own, &screen.theme).patch(BOLD));
+    let title =
+        Span::styled(format!("{title} "), curves::colour(&screen.theme, [own; 2]).patch(BOLD));
     frame.render_widget(Block::new().borders(Borders::TOP).title(title), area);
 }
 
-/// Draws the actions that there are on either side and their keys, or the tools of the editor.
+/// Draws the keys of what is on top of either side, or else those of actions that either has.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let [first, a, b] =
         [training_side(comparison), &comparison.sessions[0], &comparison.sessions[1]]
             .map(|session| (&session.screen, &session.scene));
-    // Both have the same on top, but the editor is open in one.
     [a, b]
         .into_iter()
         .find_map(|(screen, scene)| bars::on_top(screen, scene, area.width))
@@ -194,17 +193,17 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
         // Without colours, characters say of which side, too.
         let both = if theme.depth == ColourDepth::Mono { LETTERS.len() * own } else { 0 };
         let points = screen.snapshot.evaluations.iter().filter_map(point).collect();
-        PaneCurve { name, style: style(own, theme), marker: curves::sign(sign + both), points }
+        PaneCurve {
+            name,
+            style: curves::colour(theme, [own; 2]),
+            marker: curves::sign(sign + both),
+            points,
+        }
     };
     let (title, kind) = (&comparison.titles[own], if method.plans() { "planned" } else { "alone" });
     let success = curve(Measure::Success, format!("{title} {kind}"));
     let alone = || curve(Measure::Alone, format!("{} alone", LETTERS[own]));
     std::iter::once(success).chain(method.plans().then(alone)).collect()
-}
-
-/// Returns the style of what is of a side.
-fn style(own: usize, theme: &Theme) -> Style {
-    curves::colour(theme, [own; 2])
 }
 
 /// Draws both success curves in one chart, over how far training had come; a click on its title

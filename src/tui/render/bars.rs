@@ -118,9 +118,8 @@ pub fn draw_first_that_fits(frame: &mut Frame, row: Rect, hints: Vec<String>) {
 fn past(screen: &Screen, scene: &Scene) -> Option<Vec<String>> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
-    let success = snapshot
-        .success_at(frame.updates)
-        .map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    let known = snapshot.evaluation_at(frame.updates);
+    let success = known.map_or(String::new(), |e| format!(", {}", e.success(frame.updates)));
     // The film keeps D and the agents, but not the walls.
     let walls = if snapshot.is_edited_since(frame.updates) { ", walls of today" } else { "" };
     let goal = if scene.shown_goal() == scene.goal() { "" } else { ": G is the film's" };
@@ -240,20 +239,19 @@ pub fn fitting(
 /// Returns the name and the keys of what is on top of the map, if anything is: the past, the editor or
 /// a cursor.
 pub fn on_top(screen: &Screen, scene: &Scene, width: u16) -> Option<ClickableLine> {
-    let end = [(Action::Help, "help"), (Action::Quit, "quit")];
     let maze = scene.maze();
-    if screen.past.is_some() {
+    let (name, own, text) = if screen.past.is_some() {
         let own = [(Action::Back, "earlier"), (Action::Forth, "later"), (Action::Close, "now")];
-        let keys = [&own[..], &end].concat();
-        return Some(named_keys(screen, "PAST", &[], &keys, "panes show the present", width));
-    }
-    if let Some(editor) = maze.map(|maze| &maze.editor).filter(|editor| editor.is_open()) {
+        ("PAST", own, "panes show the present")
+    } else if let Some(editor) = maze.map(|maze| &maze.editor).filter(|editor| editor.is_open()) {
         return Some(editing(screen, editor, width));
-    }
-    maze?.inspecting?;
-    let own = [(Action::GoalHere, "goal"), (Action::StartHere, "start"), (Action::Inspect, "done")];
-    let keys = [&own[..], &end].concat();
-    Some(named_keys(screen, "CELL", &[], &keys, "arrows move", width))
+    } else {
+        maze?.inspecting?;
+        let own = [Action::GoalHere, Action::StartHere, Action::Inspect];
+        ("CELL", [(own[0], "goal"), (own[1], "start"), (own[2], "done")], "arrows move")
+    };
+    let keys = [&own[..], &[(Action::Help, "help"), (Action::Quit, "quit")]].concat();
+    Some(named_keys(screen, name, &[], &keys, text, width))
 }
 
 /// Returns the editor's tools with as many keys as fit; where room is short, only the selected one.

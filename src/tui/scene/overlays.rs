@@ -135,7 +135,7 @@ impl Painter<'_> {
             self.canvas.route(&way(&[from, bridge, to]), 0.09, Ink::new(accepted, 0.8, '='));
             self.canvas.letter(bridge, 'B', accepted, 0.36);
         }
-        for (at, letter) in [(from, 'a'), (to, 'g')] {
+        for (at, letter) in [(from, '1'), (to, '2')] {
             if let Some(at) = at {
                 if self.canvas.is_fine {
                     self.canvas.letter(at, letter, accepted, 0.28);

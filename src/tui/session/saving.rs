@@ -102,7 +102,7 @@ impl Saver {
     pub fn leave_file(&mut self, [before, now]: [&str; 2]) {
         let name = self.to.path().file_name().unwrap_or_default().to_string_lossy();
         let name = name.replace(&format!("-{before}-seed"), &format!("-{now}-seed"));
-        self.to = SaveTo::CreateNew(unused_path(&self.to.path().with_file_name(name)));
+        self.to = SaveTo::CreateNew(self.to.path().with_file_name(name));
     }
 
     /// Returns the file of the next checkpoint: a new file, unless the run already has its own.
@@ -114,7 +114,7 @@ impl Saver {
     }
 
     pub fn ask_file(&self, title: &str) -> Prompt {
-        let stem = self.to.path().file_stem().map(|s| s.to_string_lossy().into_owned());
+        let stem = self.next_file().file_stem().map(|s| s.to_string_lossy().into_owned());
         let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
         Prompt::new(Question::SaveAs, title, hint, stem.unwrap_or_default())
     }

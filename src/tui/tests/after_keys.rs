@@ -76,7 +76,7 @@ const ROWS: &[ScreenTest] = &[
     (First, SMALL, "v", &["D from S", "click sets a goal"], &["light = near G"]),
     (First, SMALL, "n", &[], &["click sets a goal"]),
     // Training.
-    (New, SMALL, " ", &["paused  y now", "Space resume", "e edit"], &["A actor"]),
+    (New, SMALL, " ", &["paused  y now", "Space resume", "e edit"], &["a actor"]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
     // Help, the list of all actions, and keys without a meaning.
     (New, TINY, "?", &["the learned distance", "pause or"], &[]),
@@ -128,7 +128,7 @@ const ROWS: &[ScreenTest] = &[
     // What there is not is not in the legend.
     (Actor, SMALL, "b", &["gdg has no bridges"], &[]),
     (Actor, SMALL, "?method{enter}", &["method (replay is kept"], &[]),
-    (Actor, SMALL, "", &["v view  Tab panes"], &["A actor"]),
+    (Actor, SMALL, "", &["v view  Tab panes"], &["a actor"]),
     (Actor, SMALL, "4", &["contours"], &["bridge", "planned path"]),
     (Mono, SMALL, "c", &["contour lines need colours"], &[]),
     (Mono, SMALL, "4", &["bridge edges"], &["contours"]),

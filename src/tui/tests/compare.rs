@@ -140,7 +140,7 @@ fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
 #[test]
 fn what_is_shown_changes_on_both_sides() {
     let mut comparison = staged(80, 24);
-    for key in "xavvvi+".chars() {
+    for key in "xAvvvi+".chars() {
         press(&mut comparison, KeyCode::Char(key));
         draw(&mut comparison, 80, 24);
         let [a, b] = comparison.apps().map(|app| {

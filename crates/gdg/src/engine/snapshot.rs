@@ -273,12 +273,10 @@ impl Snapshot {
         self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates))
     }
 
-    /// Returns the success rate found by the latest evaluation up to an update, if it was of the
-    /// method used then.
-    pub fn success_at(&self, updates: u64) -> Option<f64> {
+    /// Returns the latest evaluation up to an update, if it was of the method used then.
+    pub fn evaluation_at(&self, updates: u64) -> Option<&Evaluation> {
         let (at, evaluation) = self.evaluations.iter().rev().find(|(at, _)| *at <= updates)?;
-        let same_method = self.methods.index(*at) == self.methods.index(updates);
-        evaluation.success_rate().filter(|_| same_method)
+        (self.methods.index(*at) == self.methods.index(updates)).then_some(evaluation)
     }
 
     /// Returns the fraction of the world explored over time: updates and coverage, from the curve's
