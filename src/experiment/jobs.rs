@@ -464,10 +464,12 @@ fn terminal_width() -> Option<usize> {
     console::Term::stderr().size_checked().map(|(_, columns)| columns.into())
 }
 
-/// Returns a line about a job, with as much of its name as fits.
+/// Returns a line about a job, with as much of its name as fits: its checksum is left out first.
 fn line(name: &str, text: &str, width: Option<usize>) -> String {
     let room = width.map(|width| width.saturating_sub(display_width(text) + 2).max(LEAST_NAME));
-    format!("{}: {text}", fitted_file(name, room.unwrap_or(usize::MAX)))
+    let room = room.unwrap_or(usize::MAX);
+    let label = name.rsplit_once('-').filter(|_| display_width(name) > room);
+    format!("{}: {text}", fitted_file(label.map_or(name, |(label, _)| label), room))
 }
 
 struct JobsProgress {
@@ -514,12 +516,12 @@ mod tests {
     #[test]
     fn lines_fit_the_terminal_if_there_is_one() {
         let of = |width| line("trap-hidden_32-seed1-19e239", "10 %, planned 0.50", width);
-        let [whole, cut] = ["trap-hidden_32-seed1-19e239", "trap-hid...d1-19e239"];
+        let [whole, cut] = ["trap-hidden_32-seed1-19e239", "trap-h...-seed1"];
         assert_eq!(
             [None, Some(47)].map(of),
             [(); 2].map(|()| format!("{whole}: 10 %, planned 0.50"))
         );
-        assert_eq!(of(Some(40)), format!("{cut}: 10 %, planned 0.50"));
+        assert_eq!(of(Some(35)), format!("{cut}: 10 %, planned 0.50"));
     }
 
     #[test]

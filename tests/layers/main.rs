@@ -39,7 +39,7 @@ const PROGRAM: [Room; 8] = [
     ("setup", 869),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_688),
+    ("experiment", 5_690),
     ("tui", 19_273),
     ("cli", 601),
     ("commands", 1_003),
