@@ -293,6 +293,10 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     // What is refused is not in the help.
     session.press_for("?throttle", "no match");
     session.close("no match");
+    session.press_for("?learning_rate", "setting: Adam's");
+    session.press("\r");
+    session.wait_until_gone("setting: Adam's");
+    assert!(!session.screen_text().contains("value of learning_rate"));
     let progress = json!({"event": "progress", "seconds": 2.0, "updates": 7777, "env_steps": 9,
         "episodes": 0, "updates_per_second": 1.0, "left": 4000.0, "losses": {}});
     let mut file = std::fs::File::options().append(true).open(path("own.jsonl")).unwrap();

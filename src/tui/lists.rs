@@ -55,7 +55,10 @@ pub fn help(screen: &Screen, scene: &Scene) -> Picker {
     let settings = setting_items(screen).into_iter().map(|setting| {
         let detail = format!("setting: {}", setting.below[0]);
         let below = setting.below[..3].to_vec();
-        Item { detail, below, marked: false, ..setting }.within("settings")
+        // Of a run that is only watched, none can be changed.
+        let choice =
+            if screen.elsewhere.is_some() { Choice::Nothing } else { setting.choice.clone() };
+        Item { detail, below, choice, marked: false, ..setting }.within("settings")
     });
     help_in(&modes, screen, scene, scene.introduction(), fields.map(field_item).chain(settings))
 }
