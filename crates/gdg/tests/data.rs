@@ -104,7 +104,7 @@ fn a_checkpoint_names_its_data_and_goes_on_where_it_stopped() {
     let mut lost = load(&checkpoint, 1);
     let error = lost.tick().unwrap_err();
     assert!(matches!(error, TrainError::Data(_)) && lost.policy().is_ok(), "{error:?}");
-    assert!(error.to_string().contains("--data FILE if they are elsewhere"), "{error}");
+    assert!(error.to_string().contains("--data FILE if it is elsewhere"), "{error}");
     let elsewhere = Registry::builtin().with(|own| own.data = Some(moved.clone()));
     let mut found = train::load(&checkpoint, &elsewhere, 1).unwrap();
     train_to(&mut found, 250);
