@@ -25,7 +25,7 @@ fn two_methods_train_side_by_side_and_the_terminal_is_restored() {
     session.wait_for("a comparison needs 60 x 18");
     session.master.resize(size(80, 24)).unwrap();
     session.screen.lock().unwrap().screen_mut().set_size(non_zero(24), non_zero(80));
-    session.wait_for("Space resume");
+    session.wait_for("Space train");
     session.press("q");
     let screen = session.screen.clone();
     assert_eq!(session.end(), 0);

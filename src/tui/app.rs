@@ -257,7 +257,7 @@ impl Interface for App {
         // Comparisons save only when asked.
         if let Base::Run(session) = &mut self.base {
             session.catch_up();
-            session.saver.on_signal(&session.cx);
+            session.saver.save_on_closing(&session.cx);
         }
     }
 }

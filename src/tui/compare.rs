@@ -29,6 +29,7 @@ use super::lists;
 use super::log::{Log, Notice};
 use super::scene::maze::place_walker;
 use super::scene::{MazeState, legend};
+use super::session::saving::unsaved;
 use super::session::{Session, disk, watching};
 use crate::experiment::plot::XAxis;
 use crate::setup::outputs::is_same_file;
@@ -267,6 +268,12 @@ impl Comparison {
             Some(Choice::Export(kind)) => {
                 self.sessions.iter_mut().for_each(|session| disk::export(*kind, &mut session.cx));
             }
+            Some(Choice::Quit { save }) => {
+                for Session { saver, cx, .. } in self.sessions.iter_mut().filter(|_| *save) {
+                    saver.save_on_closing(cx);
+                }
+                self.sessions[0].saver.is_done = true;
+            }
             // Other dialogs are the first side's.
             Some(choice) => self.sessions[0].choose(choice.clone()),
             None => {}
@@ -342,10 +349,13 @@ impl Comparison {
     }
 
     pub fn quit(&mut self, _: Action) {
-        if self.sessions.iter().all(|session| session.scene.has_unsaved_map()) {
-            self.sessions[0].open(lists::quit_comparison());
-        } else {
+        let own =
+            |(session, letter): (&Session, char)| Some(format!("{letter}: {}", unsaved(session)?));
+        let lost: Vec<String> = self.sessions.iter().zip(LETTERS).filter_map(own).collect();
+        if lost.is_empty() {
             self.sessions[0].saver.is_done = true;
+        } else {
+            self.sessions[0].open(lists::quit_choices(lost.join("; "), "a file of each run"));
         }
     }
 

@@ -1,5 +1,6 @@
 //! The lists to pick from.
 
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -234,8 +235,8 @@ fn ask(title: impl Into<String>, answers: impl IntoIterator<Item = Item>) -> Pic
     Picker::new(title, answers.into_iter().chain([stay]).collect())
 }
 
-pub fn quit_choices(lost: String, file: &Path) -> Picker {
-    let to = format!("to {}", file.display());
+pub fn quit_choices(lost: String, files: impl Display) -> Picker {
+    let to = format!("to {files}");
     let save = Item::new("save and quit", to, Choice::Quit { save: true }).on('y');
     let quit = Item::new("quit without saving", lost, Choice::Quit { save: false }).on('d');
     ask("save before quitting?", [save, quit])
@@ -247,13 +248,6 @@ pub fn deletion(what: &str, names: String) -> Picker {
     let delete = Choice::Act(Action::List(ListAction::Delete));
     let delete = Item::new("delete", "for good", delete).on('d');
     ask(format!("keep {what}?"), [keep, delete]).explaining(names)
-}
-
-pub fn quit_comparison() -> Picker {
-    let save = Item::new("save the map first", "", Choice::Act(Action::SaveMap)).on('y');
-    let quit = Choice::Quit { save: false };
-    let quit = Item::new("quit", "map edits are lost", quit).on('d');
-    ask("save the map before quitting?", [save, quit])
 }
 
 /// Says what is lost without saving: updates, and edits of the map.

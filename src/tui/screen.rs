@@ -248,7 +248,7 @@ impl Screen {
             (None, Phase::Running) if applying_edit => "applying the edit".to_owned(),
             (None, Phase::Running) if !self.snapshot.learns => "random steps".to_owned(),
             (None, Phase::Running) => match self.snapshot.counters.relearning() {
-                Some(left) => format!("relearning ({} updates to go)", grouped(left)),
+                Some(left) => format!("relearning, {} to go", grouped(left)),
                 None => "training".to_owned(),
             },
             (None, Phase::Stepping(_)) => "stepping".to_owned(),

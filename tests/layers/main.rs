@@ -24,7 +24,7 @@ const LIBRARY: [Room; 15] = [
     ("store", 268),
     ("settings", 392),
     ("map", 3_751),
-    ("env", 6_543),
+    ("env", 6_546),
     ("learn", 8_823),
     ("bridge", 4_007),
     ("train", 6_982),
@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_690),
-    ("tui", 19_273),
+    ("tui", 19_281),
     ("cli", 601),
     ("commands", 1_003),
 ];

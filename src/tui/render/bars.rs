@@ -52,10 +52,10 @@ pub fn draw_header(page: &mut ScreenPainter, area: Rect) {
     parts.extend(saved.map(|part| (Span::styled(part, DIM), Action::Save)));
     // If room is short, shorten long names, then leave out what identifies the run.
     shorten(&mut parts, Action::OpenMap, area, LONG_TITLE);
-    if file.is_some() {
-        shorten(&mut parts, Action::Save, area, 0);
-    }
     for left_out in [Action::NewSeed, Action::Preset, Action::Method, Action::Save] {
+        if file.is_some() {
+            shorten(&mut parts, Action::Save, area, 0);
+        }
         if parts_width(&parts) > usize::from(area.width) {
             parts.retain(|(_, action)| *action != left_out);
         }
@@ -197,7 +197,7 @@ pub fn keys(of: &[(&Screen, &Scene)], mode: Mode, width: u16, lacks_panel: bool)
     };
     for binding in bindings().filter(does).filter(is_shown) {
         let label = match binding.action {
-            Action::TogglePause if !screen.snapshot.phase.is_training() => "resume",
+            Action::TogglePause if !screen.snapshot.phase.is_training() => "train",
             Action::Quit if screen.from_list => "list",
             _ => binding.short,
         };

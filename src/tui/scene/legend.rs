@@ -8,6 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::ground::MAX_SHOWN_ERROR;
+use super::overlays::EDGES;
 use super::{Drawing, SceneKind};
 use crate::tui::action::Action;
 use crate::tui::canvas::SHADES;
@@ -17,7 +18,6 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::pane_text::{Number, fact, fitted_line, heading, number, short};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, DIM, Rgb, Theme, ink};
-use gdg::bridge::EdgeStatus;
 use gdg::text::{counted, grouped};
 use gdg::viewer::{Field, Ghost, Graph};
 
@@ -102,6 +102,7 @@ pub fn lines(scene: &dyn SceneKind, screen: &Screen) -> Vec<Line<'static>> {
         line.push_span(Span::styled(overlay.name(), style));
         if let Some((sign, rgb)) = sign_of(overlay, screen) {
             line.extend([Span::raw(" "), sample(screen, sign, rgb)]);
+            line.push_span(if overlay == Overlay::Search { " 1 to 2" } else { "" });
         }
         lines.push(line);
     }
@@ -115,10 +116,11 @@ pub fn edge_lines(
     graph: &Graph,
     meanings: [&'static str; 3],
 ) -> impl Iterator<Item = Line<'static>> {
-    let kinds =
-        [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Untried].into_iter().zip(meanings);
-    kinds.zip(screen.theme.edges).map(move |((status, name), rgb)| {
-        sign(screen, '\u{2500}', rgb, &format!("{} {name}", grouped(graph.count(status) as u64)))
+    let is_mono = screen.theme.depth == ColourDepth::Mono;
+    let kinds = [EDGES[1], EDGES[2], EDGES[0]].into_iter().zip(meanings).zip(screen.theme.edges);
+    kinds.map(move |(((status, _, mono), name), rgb)| {
+        let text = format!("{} {name}", grouped(graph.count(status) as u64));
+        sign(screen, if is_mono { mono } else { '\u{2500}' }, rgb, &text)
     })
 }
 
@@ -160,7 +162,7 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Option<(char, Rgb)> {
         Overlay::Agents => (of_depth('o', '\u{25a0}'), theme.agent),
         // In black or white, as on any ground.
         Overlay::Candidates => (CANDIDATE_MARK, ink(theme.page.map_or((0, 0, 0), |page| page.1))),
-        Overlay::Edges => ('\u{2500}', theme.edges[0]),
+        Overlay::Edges => (of_depth('=', '\u{2500}'), theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (of_depth('+', '\u{25a0}'), theme.path),
         Overlay::Ghost => ('a', theme.ghost()),

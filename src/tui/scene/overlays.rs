@@ -12,7 +12,7 @@ use gdg::train::FilmFrame;
 use gdg::viewer::{Candidate, Graph};
 
 /// How edges look: their opacity, and their character without colours.
-const EDGES: [(EdgeStatus, f32, char); 3] = [
+pub const EDGES: [(EdgeStatus, f32, char); 3] = [
     (EdgeStatus::Untried, 0.3, '-'),
     (EdgeStatus::Confirmed, 0.6, '='),
     (EdgeStatus::Demoted, 0.9, 'x'),
@@ -41,7 +41,7 @@ pub struct Painter<'a> {
 
 impl Painter<'_> {
     pub fn shows(&self, overlay: Overlay) -> bool {
-        self.screen.overlays.has(overlay)
+        self.screen.overlays.has(overlay) && self.screen.why_not(overlay).is_none()
     }
 
     pub fn places<'b>(&self, places: impl IntoIterator<Item = &'b Vec<f32>>) -> Vec<[f32; 2]> {

@@ -157,7 +157,7 @@ impl Saver {
         } else if self.named.is_some() {
             self.save_and_quit(cx);
         } else if let Some(lost) = unsaved(cx) {
-            cx.screen.open(lists::quit_choices(lost, &self.next_file()));
+            cx.screen.open(lists::quit_choices(lost, self.next_file().display()));
         } else {
             self.is_done = true;
         }
@@ -190,7 +190,7 @@ impl Saver {
         let top = cx.screen.dialogs.last_mut().filter(|top| self.offers && top.asks_to_quit());
         if let Some(Dialog::Pick(list)) = top {
             let lost = lists::lost(&now, cx.scene.has_unsaved_map());
-            let asked = lists::quit_choices(lost, &self.next_file());
+            let asked = lists::quit_choices(lost, self.next_file().display());
             list.update(asked.items().cloned().collect());
         }
         let mut then = None;
@@ -250,8 +250,8 @@ impl Saver {
         }
     }
 
-    /// Handles a signal, which cannot ask: whatever is unsaved will be saved on closing.
-    pub fn on_signal(&mut self, cx: &Cx) {
+    /// Has whatever is unsaved saved on closing, as after a signal, which cannot ask.
+    pub fn save_on_closing(&mut self, cx: &Cx) {
         if is_unsaved(cx) && self.named.is_none() {
             self.named = Some(self.to.path().to_owned());
         }

@@ -31,6 +31,10 @@ pub fn show_field(cx: &mut Cx, field: Field) {
 pub fn next_field(cx: &mut Cx, forward: bool) {
     let next = cx.screen.field.cycle(forward, |field| cx.scene.has_field(field, &cx.screen));
     show_field(cx, next);
+    // The line below the map has the cursor's cell then.
+    if cx.scene.maze().is_some_and(|maze| maze.inspecting.is_some()) {
+        cx.screen.say(next.name());
+    }
 }
 
 pub fn toggle_overlay(cx: &mut Cx, action: Action) {

@@ -76,7 +76,7 @@ const ROWS: &[ScreenTest] = &[
     (First, SMALL, "v", &["D from S", "click sets a goal"], &["light = near G"]),
     (First, SMALL, "n", &[], &["click sets a goal"]),
     // Training.
-    (New, SMALL, " ", &["paused  y now", "Space resume", "e edit"], &["a actor"]),
+    (New, SMALL, " ", &["paused  y now", "Space train", "a actor", "e edit"], &[]),
     (New, SMALL, "{click pause}", &["paused"], &[]),
     // Help, the list of all actions, and keys without a meaning.
     (New, TINY, "?", &["the learned distance", "pause or"], &[]),
@@ -121,6 +121,7 @@ const ROWS: &[ScreenTest] = &[
     (Run, LARGE, "2", &["waypoint", "walk"], &[]),
     (New, SMALL, ":marker{enter}", &["marker: pixels (not supported here"], &[]),
     (New, SMALL, "i", &["cell 19,4", "CELL Enter goal", "i done", "arrows move"], &[]),
+    (New, SMALL, "iv", &["cell 19,4", "D from S"], &[]),
     (New, SMALL, "Z", &["has one projection"], &[]),
     // Over the wall at column 10, and not beyond the map.
     (New, SMALL, "hhhhhhhhhji", &["cell 9,4"], &[]),

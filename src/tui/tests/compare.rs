@@ -364,11 +364,11 @@ fn the_editor_draws_by_keyboard_on_both() {
     let snapshot = comparison.apps()[0].screen.snapshot.clone();
     comparison.follow(0, &snapshot, &View::default());
     let shown = shown_by(&mut comparison, 120, 40);
-    assert!(
-        shown.contains("save the map before quitting?") && shown.contains("save the map first")
-    );
-    press(&mut comparison, KeyCode::Char('d'));
-    assert!(comparison.is_done(), "it is given up");
+    assert!(shown.contains("save before quitting?") && shown.contains("A: unsaved steps or"));
+    let is_saved = |app: &Session| app.saver.named.is_some();
+    assert!(!comparison.apps().iter().any(|app| is_saved(app)));
+    press(&mut comparison, KeyCode::Char('y'));
+    assert!(comparison.is_done() && comparison.apps().iter().all(|app| is_saved(app)));
 }
 
 #[test]

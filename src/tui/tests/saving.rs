@@ -78,7 +78,7 @@ fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
     // New networks do not replace the file of those before.
     let before = std::fs::read(&own).expect("saved");
     set(&mut app, "hidden", "8");
-    let said = "hidden 16 -> 8; networks reset, replay kept";
+    let said = "hidden 16 to 8; networks reset, replay kept";
     wait_until(&mut app, |app| app.screen.log.entries().iter().any(|entry| entry.text == said));
     app.act(Action::Save);
     wait_until(&mut app, |app| {

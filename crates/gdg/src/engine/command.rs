@@ -66,7 +66,7 @@ fn changes(before: &Run, after: &Run) -> String {
     let (old, new) = (list_settings(&before.settings), list_settings(&after.settings));
     let settings = old.iter().zip(&new).filter(|(old, new)| old != new);
     let mut settings: Vec<String> =
-        settings.map(|((name, old), (_, new))| format!("{name} {old} -> {new}")).collect();
+        settings.map(|((name, old), (_, new))| format!("{name} {old} to {new}")).collect();
     if settings.len() > MAX_NAMED_CHANGES {
         settings = vec![counted(settings.len() as u64, "setting")];
     }

@@ -466,7 +466,10 @@ impl Editable for PointMaze {
             may_lengthen: walled > 0,
             region,
             summary: match (walled as u64, opened as u64) {
-                (0, 0) => "no wall changed".to_owned(),
+                // Then these have.
+                (0, 0) => [(self.map.starts(), "start"), (self.map.goals(), "goal")]
+                    .map(|(cells, what)| counted(cells.len() as u64, what))
+                    .join(", "),
                 (0, opened) => format!("{} opened", counted(opened, "cell")),
                 (walled, 0) => format!("{} walled", counted(walled, "cell")),
                 (walled, opened) => format!("{} walled, {opened} opened", counted(walled, "cell")),

@@ -24,7 +24,7 @@ settings! {
         networks {
             hidden: usize = 128, Sb3 => 256;
                 "width of each hidden layer",
-                usual: "Early, 32 costs the actor alone (four rooms .54, not .78); 256 brings \
+                usual: "Early, 32 costs the actor alone (four rooms 0.54, not 0.78); 256 brings \
                         little and takes longer.",
                 values: Values::count(1, 4096), effect: NewNetworks;
             layers: usize = 2;
@@ -65,7 +65,7 @@ settings! {
         targets {
             n_step: usize = 3, Paper => 1;
                 "n of the n-step return",
-                usual: "Early, 1, 3 and 10 do equally well (four rooms: alone .81 .78 .87).",
+                usual: "Early, 1, 3 and 10 do equally well (four rooms: alone 0.81 0.78 0.87).",
                 values: Values::count(1, 1000), unit: "steps",
                 ablation: without("1-step targets", "1");
             /// The larger distance (Fujimoto et al. 2018, clipped double Q) guards against
@@ -137,13 +137,13 @@ settings! {
         batches {
             batch_size: usize = 64, Tuned | Sb3 => 256;
                 "pairs, and transitions, per batch",
-                usual: "Early, 32, 64 and 256 do equally well (four rooms: alone .76 .78 .86); \
+                usual: "Early, 32, 64 and 256 do equally well (four rooms: alone 0.76 0.78 0.86); \
                         256 takes longer.",
                 values: Values::count(1, 65_536), unit: "pairs";
             goal_hindsight: f32 = 0.5, Paper => 0.0, Tuned | Sb3 => 0.8;
                 "fraction of goals relabelled in hindsight: states reached later in the episode",
-                usual: "Early, 0 costs most (four rooms planned .87, not 1.00; city .76, not \
-                        .95); 0.9 does as well as 0.5.",
+                usual: "Early, 0 costs most (four rooms planned 0.87, not 1.00; city 0.76, not \
+                        0.95); 0.9 does as well as 0.5.",
                 values: Values::FRACTION;
             goal_geometric: f32 = 0.5, Tuned | Sb3 => 0.0;
                 "fraction of hindsight goals a geometric number of steps ahead; the rest are \
@@ -181,8 +181,8 @@ settings! {
         optimiser {
             learning_rate: f32 = 1e-3;
                 "Adam's learning rate for the networks",
-                usual: "Early, more is better: actor alone .52 .78 .91 on the four rooms with \
-                        0.0003, 0.001, 0.003; city .15 .20 .38.",
+                usual: "Early, more is better: actor alone 0.52 0.78 0.91 on the four rooms with \
+                        0.0003, 0.001, 0.003; city 0.15 0.20 0.38.",
                 values: Values::POSITIVE;
             grid_learning_rate: f32 = 5e-3;
                 "Adam's learning rate for the grid encoding",

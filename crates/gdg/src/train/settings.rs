@@ -75,7 +75,7 @@ settings! {
         optimiser {
             env_steps_per_update: u64 = 16, Paper | Sb3 => 1, Tuned => 2;
                 "environment steps, summed over all agents, per update",
-                usual: "Early, more is better and slower: city .14 .95 1.00 with 4, 16, 64.",
+                usual: "Early, more is better and slower: city 0.14 0.95 1.00 with 4, 16, 64.",
                 values: Values::count(1, 1_000_000), unit: "steps";
             update_when: UpdateWhen = UpdateWhen::Step, Paper => UpdateWhen::EpisodeEnd;
                 "run updates as soon as they are due or, as in Algorithm 1, after each episode",
@@ -90,7 +90,7 @@ settings! {
                 values: Values::count(0, 1_000_000_000), unit: "updates";
             agents: usize = 32, Paper | Sb3 => 1;
                 "agents exploring in parallel",
-                usual: "They share the steps: city planned 1.00 .95 .23 with 8, 32, 128, early.",
+                usual: "They share the steps: city planned 1.00 0.95 0.23 with 8, 32, 128, early.",
                 values: Values::count(1, 4096), effect: NewAgents;
             episode_steps: Auto<u32> = Auto::AUTO, Paper => Auto::Given(20), Sb3 => Auto::Given(150);
                 "steps per episode; auto: three times the longest distance in the bridge graph, \
@@ -130,7 +130,7 @@ settings! {
         exploration {
             random_actions: f32 = 0.3, Paper | Sb3 => 0.0;
                 "fraction of steps in a random direction instead of the actor's",
-                usual: "All from 0 to 0.6 do well early (four rooms: actor alone .70 to .78).",
+                usual: "All from 0 to 0.6 do well early (four rooms: actor alone 0.70 to 0.78).",
                 values: Values::FRACTION;
             exploration_noise: f32 = 0.2;
                 "standard deviation of the Gaussian noise on the actor's actions",

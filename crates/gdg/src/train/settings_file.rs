@@ -222,14 +222,14 @@ fn refused(name: &str, setting: &Setting, value: &Value) -> Box<ConfigError> {
     let text = value.as_str().filter(|text| text.contains(','));
     let is_number = text.is_some_and(|text| text.replace(',', ".").parse::<f64>().is_ok());
     let comma = if is_number { "; a point separates the fraction" } else { "" };
-    let help = format!("{name} must be {}{comma}", setting.values);
+    let help = format!("it must be {}{comma}", setting.values);
     ConfigError::new(format!("{name} cannot be {shown}"), help)
 }
 
 fn unknown(name: &str) -> Box<ConfigError> {
     let help = match nearest(name, SETTINGS.iter().map(|setting| setting.name)) {
-        Some(known) => format!("did you mean {known}? --print-config prints all settings"),
-        None => "--print-config prints all settings".to_owned(),
+        Some(known) => format!("did you mean {known}? gdg-tui settings lists all"),
+        None => "gdg-tui settings lists all".to_owned(),
     };
     ConfigError::new(format!("unknown setting {:?}", truncated(name, MAX_QUOTED_CHARS)), help)
 }
