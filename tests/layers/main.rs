@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_690),
-    ("tui", 19_284),
+    ("tui", 19_296),
     ("cli", 601),
     ("commands", 1_003),
 ];

@@ -20,7 +20,10 @@ use gdg::job::Job;
 use gdg::learn::Threads;
 use gdg::map::{Grid, Reading, builtin};
 use gdg::text::sanitized;
-use gdg::train::{self, METHODS, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
+use gdg::train::{
+    self, METHODS, Method, Overrides, Preset, Registry, Run, Trainer, changed_from, settings_from,
+    settings_in_world,
+};
 
 #[derive(Clone, Debug)]
 pub enum Contender {
@@ -100,9 +103,7 @@ pub fn prepare(
         let letter = LETTERS[own];
         match (options.contenders()[own], saved) {
             (Contender::Checkpoint(path), Some((trainer, _))) => {
-                let (run, file) = (trainer.run(), path.file_name().unwrap_or_default());
-                let (file, method) = (sanitized(&file.to_string_lossy()), run.method.name());
-                let title = format!("{letter} {file}: {method} seed {}", run.seed);
+                let title = format!("{letter} {}", trainer.run().method);
                 Ok(Contestant { trainer, title, file: Some(path.clone()) })
             }
             (Contender::Method(method), _) => {
@@ -113,12 +114,22 @@ pub fn prepare(
     };
     let [a, b] = saved;
     let mut both = [contestant(0, a)?, contestant(1, b)?];
+    let changed = |own: &Contestant| {
+        let Run { preset, settings, .. } = own.trainer.run();
+        changed_from(settings, &settings_in_world(*preset, maze::KIND.defaults))
+    };
+    let [a, b] = both.each_ref().map(changed);
+    let seeds = both.each_ref().map(|own| own.trainer.run().seed);
     let has_preset = both.iter().any(|own| own.trainer.run().preset != Preset::Default);
-    for (own, side) in both.iter_mut().zip(LETTERS) {
-        let preset = has_preset.then(|| own.trainer.run().preset.name());
-        let prefix = format!("{side}:");
-        let set = options.set.iter().filter_map(|setting| setting.strip_prefix(&prefix));
-        own.title.extend(preset.into_iter().chain(set).map(|part| format!(" {part}")));
+    for (own, [set, other]) in both.iter_mut().zip([[&a, &b], [&b, &a]]) {
+        let Run { preset, seed, .. } = own.trainer.run();
+        let set = set.iter().filter(|(name, value)| other.get(*name) != Some(*value));
+        let set = set.map(|(name, value)| format!(" {name}={value}"));
+        let seed = (seeds[0] != seeds[1]).then(|| format!(" seed {seed}"));
+        let file = own.file.as_deref().and_then(Path::file_stem);
+        let file = file.map(|file| format!(" ({})", sanitized(&file.to_string_lossy())));
+        let preset = has_preset.then(|| format!(" {}", preset.name()));
+        own.title.extend(preset.into_iter().chain(set).chain(seed).chain(file));
     }
     let maze = PointMaze::downcast_ref(both[0].trainer.world());
     let warnings = maze.map_or_else(Vec::new, |maze| find_maps::warnings(maze.map()));

@@ -200,7 +200,8 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<PaneCurve> {
             points,
         }
     };
-    let (title, kind) = (&comparison.titles[own], if method.plans() { "planned" } else { "alone" });
+    let kind = if method.plans() { "planned" } else { "alone" };
+    let title = comparison.titles[own].split(" (").next().unwrap_or_default();
     let success = curve(Measure::Success, format!("{title} {kind}"));
     let alone = || curve(Measure::Alone, format!("{} alone", LETTERS[own]));
     std::iter::once(success).chain(method.plans().then(alone)).collect()

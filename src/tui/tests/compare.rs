@@ -232,7 +232,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
     let prepared = prepare(options([saved.clone(), method()]));
     let [a, b] = prepared.expect("a run beside a method").both;
     assert_eq!([a.file.is_some(), b.file.is_some()], [true, false]);
-    assert_eq!(a.title, "A own.safetensors: gdg-bridge seed 7 default");
+    assert_eq!(a.title, "A gdg-bridge default candidates=40 (own)");
     assert_eq!((b.title.as_str(), b.trainer.run().seed), ("B her tuned", 7));
     let map = |contestant: &Contestant| {
         PointMaze::downcast_ref(contestant.trainer.world()).expect("a maze").map().clone()
@@ -261,7 +261,7 @@ fn saved_runs_begin_paused_and_what_cannot_stand_beside_one_is_refused() {
         assert!(error.to_string().contains(problem), "{error}");
     }
     let contestants = prepare(own).expect("two saved runs").both;
-    assert_eq!(contestants[1].title, "B other.safetensors: her seed 8 tuned");
+    assert_eq!(contestants[1].title, "B her tuned seed 8 (other)");
     let (mut comparison, _engines) = start(contestants, Limits::default());
     let paused = |app: &Session| {
         assert_eq!(app.screen.snapshot.counters.env_steps, 0, "shown as it was saved");
