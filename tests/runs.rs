@@ -221,7 +221,7 @@ fn runs_of_a_sweep_are_told_apart_and_deleted_with_their_pictures() {
     session.wait_for("hidden=128 ");
     assert!(!session.screen_text().contains(".json"), "files have no endings");
     session.press_for("/hidden=16\r", "1 of 2 runs");
-    session.press_for("d", "; the report stays");
+    session.press_for("D", "; the report stays");
     session.press_for("d", "deleted 3 files");
     session.press("q");
     assert_eq!(session.end(), 0);

@@ -427,7 +427,7 @@ const RUNS: &[Binding] = &[
     on_runs(ListAction::Sort(false), "sort-runs-back", &["left", "h"])
         .help("sort by the column before"),
     on_runs(ListAction::Reverse, "reverse-runs", &["r"]).help("reverse the order"),
-    on_runs(ListAction::Delete, "delete-runs", &["delete", "d"])
+    on_runs(ListAction::Delete, "delete-runs", &["delete", "shift-d"])
         .help("delete the files of the marked runs, or of the selected one; asks first"),
     on_runs(ListAction::Page(-1), "runs-page-up", &["pageup"]).help("a page up"),
     on_runs(ListAction::Page(1), "runs-page-down", &["pagedown"]).help("a page down"),

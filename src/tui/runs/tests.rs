@@ -99,7 +99,7 @@ fn every_size_can_be_drawn() {
     for all in [None, Some([run, saved("other", "\u{8ff7}\u{5bae}", "gdg", 0, &[])])] {
         all.iter().for_each(|runs| screen.show_runs(runs));
         for (width, height) in [(1, 1), (59, 16), (60, 16), (61, 17), (80, 24), (300, 100)] {
-            for keys in ["m", "?", "?", "/x", "\n", "j", "d", "n"] {
+            for keys in ["m", "?", "?", "/x", "\n", "j", "D", "n"] {
                 type_text(&mut screen, keys);
                 draw(&mut screen, width, height);
             }
@@ -125,7 +125,7 @@ fn files_that_cannot_be_read_are_rows_that_tell_all() {
 
 #[test]
 fn ctrl_c_quits_wherever_it_is_pressed() {
-    for keys in ["", "?", "/c", "d"] {
+    for keys in ["", "?", "/c", "D"] {
         let mut screen = screen();
         type_text(&mut screen, keys);
         press_with(&mut screen, KeyCode::Char('c'), KeyModifiers::CONTROL);
@@ -200,25 +200,25 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     };
     let mut screen = screen();
     screen.show_runs(&["a", "b", "c"].map(own));
-    type_text(&mut screen, "mjmd");
+    type_text(&mut screen, "mjmD");
     let asked = shown_by(&mut screen, 200, 40);
     let parts = ["keep 2 files?", "/b, ", "/c; written just now", "y keep", "d delete"];
     assert!(parts.iter().all(|part| asked.contains(part)), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only d deletes");
     // Another program may have resumed one, and saved it.
-    type_text(&mut screen, "d");
+    type_text(&mut screen, "D");
     let later = SystemTime::now() + Duration::from_secs(9);
     std::fs::File::open(path("b")).and_then(|file| file.set_modified(later)).expect("a file");
     type_text(&mut screen, "d");
     assert!(shown_by(&mut screen, 120, 40).contains("b has just been written: nothing is deleted"));
     screen.show_runs(&["a", "b", "c"].map(own));
     press(&mut screen, KeyCode::Home);
-    type_text(&mut screen, "mjmdd");
+    type_text(&mut screen, "mjmDd");
     assert_eq!(["a", "b", "c"].map(|name| path(name).exists()), [true, false, false]);
     assert!(shown_by(&mut screen, 120, 40).contains("deleted 2 files"));
     screen.show_runs(&[damaged(path("a"), ":1: not a record")]);
-    type_text(&mut screen, "dd");
+    type_text(&mut screen, "Dd");
     assert!(!path("a").exists(), "a file that is no run");
     // A run of two files, one of which has another run, or is removed meanwhile.
     let records = SavedRun { kind: RunKind::Records, end: Some(RunState::Ended), ..own("d") };
@@ -226,7 +226,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     let other = SavedRun { seed: 8, ..records.clone() };
     screen.show_runs(&[joined, other]);
     press(&mut screen, KeyCode::End);
-    type_text(&mut screen, "d");
+    type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
     assert!(asked.contains("keep 2 files with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "d");
@@ -238,7 +238,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
         SavedRun { others: vec![path("d")], checkpoint: Some(path("c")), seed: 8, ..last };
     screen.show_runs(&[SavedRun { others: vec![path("c")], ..first }, goes_on, kept]);
     press(&mut screen, KeyCode::End);
-    type_text(&mut screen, "d");
+    type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
     assert!(asked.contains("keep 1 file with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "n");
@@ -249,7 +249,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::Home);
     press(&mut screen, KeyCode::Delete);
     assert!(shown_by(&mut screen, 120, 40).contains("d still grows"));
-    type_text(&mut screen, "d");
+    type_text(&mut screen, "D");
     assert!(path("d").exists());
 }
 
