@@ -291,8 +291,8 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
         session.wait_for("this run is only watched: C trains a copy");
     }
     // What is refused is not in the help.
-    session.press_for("?throttle", "no match");
-    session.close("no match");
+    session.press_for("?throttle", "nothing fits");
+    session.close("nothing fits");
     session.press_for("?learning_rate", "setting: Adam's");
     session.press("\r");
     session.wait_until_gone("setting: Adam's");

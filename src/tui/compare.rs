@@ -206,15 +206,18 @@ impl Comparison {
             changed |= session.screen.log.on_tick();
             changed |= session.update_busy() | disk::on_tick(&mut session.cx);
         }
-        let [a, b] = self.sessions.each_mut().map(|session| &mut session.screen.log);
+        let [a, b] = self.sessions.each_ref().map(|session| &session.screen.log);
         if let (Some(first), Some(second)) = (a.notice(), b.notice()) {
             // What both have done is one message.
             let is_error = first.is_error || second.is_error;
             let [left, right] = LETTERS;
-            let text = format!("{left}: {}; {right}: {}", first.text, second.text);
-            self.log.show(if first.text == second.text { first.text } else { &text }, is_error);
-            (a.notice, b.notice) = (None, None);
-            changed = true;
+            let both = format!("{left}: {}; {right}: {}", first.text, second.text);
+            let text = if first.text == second.text { first.text } else { &both };
+            // One side may say more later than the other.
+            if self.log.notice().is_none_or(|shown| shown.text != text) {
+                self.log.show(text, is_error);
+                changed = true;
+            }
         }
         changed
     }

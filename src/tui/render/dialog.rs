@@ -89,7 +89,7 @@ pub fn draw_picker(frame: &mut Frame, picker: &Picker, layout: &mut ScreenLayout
     let mut lines: Vec<Line> =
         rows.iter().skip(first).take(room).map(|row| row_line(row, labels, columns)).collect();
     if lines.is_empty() {
-        lines.push(Line::styled(" no match", DIM));
+        lines.push(Line::styled(format!(" nothing fits \"{}\"", picker.typed().0), DIM));
     }
     frame.render_widget(Paragraph::new(lines), list);
     if !below.is_empty() {

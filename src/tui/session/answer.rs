@@ -57,10 +57,6 @@ impl Session {
         match self.screen.dialogs.pop()? {
             Dialog::Pick(picker) => {
                 let choice = picker.choice().cloned();
-                if choice.is_none() {
-                    let text = format!("nothing in the list fits \"{}\"", picker.typed().0);
-                    self.screen.notify(&text);
-                }
                 if choice.is_none() || picker.stays {
                     self.open(picker);
                 }

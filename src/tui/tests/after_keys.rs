@@ -87,7 +87,7 @@ const ROWS: &[ScreenTest] = &[
     (New, SMALL, "?via graph", &["the same for D along the bridge graph"], &[]),
     (New, SMALL, "{click ? help}", &["pause or resume"], &[]),
     (New, SMALL, ":pause{enter}", &["paused  y now"], &[]),
-    (New, SMALL, ":qqqzzz{enter}", &["nothing in the list fits \"qqqzzz\""], &[]),
+    (New, SMALL, ":qqqzzz{enter}", &["nothing fits \"qqqzzz\""], &[]),
     (New, SMALL, ":polyak{enter}", &["tau"], &[]),
     (New, SMALL, ":colours visits{enter}", &["visits"], &[]),
     (New, SMALL, "{f9}", &["F9 does nothing here: ? lists all keys"], &[]),
@@ -188,7 +188,7 @@ const ROWS: &[ScreenTest] = &[
     (
         List,
         LARGE,
-        "d",
+        "D",
         &["keep 1 file?", "y keep", "d delete", "the report stays"],
         &["type to search"],
     ),
