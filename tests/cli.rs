@@ -263,7 +263,7 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let names = "map method seed updates planned alone state written file";
     assert_eq!(columns.join(" "), names);
     assert!(lines[1].ends_with("saves/fourrooms.safetensors"), "newest first: {table}");
-    for part in ["trap", "gdg-bridge", " 4 ", " 20 ", " 0.", " ended "] {
+    for part in ["trap", "gdg-bridge", " 4 ", " 20 ", " 0.", " saved "] {
         assert!(lines[2].contains(part), "{part:?} is not in {}", lines[2]);
     }
     assert!(listed.err.contains("saves/none.safetensors: "), "{}", listed.err);

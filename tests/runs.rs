@@ -325,7 +325,7 @@ fn a_run_that_another_program_trains_is_watched_and_a_copy_trained() {
     // A job of an experiment that goes on.
     std::fs::create_dir(path("jobs")).unwrap();
     std::fs::write(path("jobs/job.safetensors"), &checkpoint).unwrap();
-    for (held, state) in [(true, "\"training\""), (false, "\"ended\"")] {
+    for (held, state) in [(true, "\"training\""), (false, "\"saved\"")] {
         if held {
             std::fs::write(path("jobs/job.lock"), "").unwrap();
         } else {

@@ -107,8 +107,10 @@ pub enum RunKind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunState {
-    /// Nobody trains it any more, as far as is known: it can go on if it was saved.
+    /// Nobody trains it any more: it can go on if it was saved.
     Ended,
+    /// A checkpoint alone does not tell whether a program trains it.
+    Saved,
     Interrupted,
     /// It goes on: its records grow, or a program has its checkpoint open.
     Running,
@@ -120,6 +122,7 @@ impl RunState {
     pub fn name(self) -> &'static str {
         match self {
             Self::Ended => "ended",
+            Self::Saved => "saved",
             Self::Interrupted => "stopped",
             Self::Running => "training",
             Self::CutOff => "cut off",
@@ -401,7 +404,7 @@ fn checkpoint(path: &Path) -> Result<SavedRun, Report> {
     Ok(SavedRun {
         source: path.to_owned(),
         kind: RunKind::Checkpoint,
-        end: Some(RunState::Ended),
+        end: Some(RunState::Saved),
         map: if found.title.is_empty() { found.world.clone() } else { found.title.clone() },
         fingerprint: found.fingerprint.clone().filter(|_| edits.is_empty()),
         edits,

@@ -244,10 +244,10 @@ pub fn quit_choices(lost: String, files: impl Display) -> Picker {
 
 /// Asks whether to keep files; nothing is lost unless they are deleted.
 pub fn deletion(what: &str, names: String) -> Picker {
-    let keep = Item::new("keep", "", Choice::Nothing).on('y');
+    let keep = Item::new("keep", "", Choice::Nothing).on('n');
     let delete = Choice::Act(Action::List(ListAction::Delete));
     let delete = Item::new("delete", "for good", delete).on('d');
-    ask(format!("keep {what}?"), [keep, delete]).explaining(names)
+    Picker::new(format!("delete {what}?"), vec![keep, delete]).explaining(names)
 }
 
 /// Says what is lost without saving: updates, and edits of the map.

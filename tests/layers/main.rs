@@ -39,8 +39,8 @@ const PROGRAM: [Room; 8] = [
     ("setup", 869),
     ("figure", 855),
     ("headless", 966),
-    ("experiment", 5_690),
-    ("tui", 19_296),
+    ("experiment", 5_693),
+    ("tui", 19_299),
     ("cli", 601),
     ("commands", 1_003),
 ];

@@ -154,6 +154,10 @@ fn header(frame: &mut Frame, area: Rect, screen: &RunsScreen, places: &ClickArea
         let cursor = if *is_typing { "_" } else { "" };
         spans.push(Span::raw(format!(" with words: {}{cursor} ", words.value())));
     }
+    let marked = list.marked().len();
+    if marked > 0 {
+        spans.push(Span::raw(format!(" {marked} marked ")));
+    }
     if let Some([read, all]) = screen.read.filter(|[read, all]| read < all) {
         spans.push(Span::raw(format!(" reading file {read} of {all} ")));
     }

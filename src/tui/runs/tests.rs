@@ -202,7 +202,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     screen.show_runs(&["a", "b", "c"].map(own));
     type_text(&mut screen, "mjmD");
     let asked = shown_by(&mut screen, 200, 40);
-    let parts = ["keep 2 files?", "/b, ", "/c; written just now", "y keep", "d delete"];
+    let parts = ["delete 2 files?", "/b, ", "/c; written just now", "n keep", "d delete"];
     assert!(parts.iter().all(|part| asked.contains(part)), "{asked}");
     press(&mut screen, KeyCode::Enter);
     assert!(path("c").exists() && screen.deletion.is_none(), "only d deletes");
@@ -228,7 +228,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
-    assert!(asked.contains("keep 2 files with 1 run not chosen?"), "{asked}");
+    assert!(asked.contains("delete 2 files with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "d");
     assert!(!path("d").exists(), "all files of the run");
     // A run whose beginning is in the file of another, and a checkpoint that another names.
@@ -240,7 +240,7 @@ fn deleting_asks_and_removes_only_the_files_of_marked_runs() {
     press(&mut screen, KeyCode::End);
     type_text(&mut screen, "D");
     let asked = shown_by(&mut screen, 120, 40);
-    assert!(asked.contains("keep 1 file with 1 run not chosen?"), "{asked}");
+    assert!(asked.contains("delete 1 file with 1 run not chosen?"), "{asked}");
     type_text(&mut screen, "n");
     // A file with a run that has ended, and one that goes on.
     let now = |run| Arc::new(SavedRun { written: Some(SystemTime::now()), ..run });

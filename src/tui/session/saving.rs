@@ -156,7 +156,7 @@ impl Saver {
             self.is_done = true;
         } else if self.named.is_some() {
             self.save_and_quit(cx);
-        } else if let Some(lost) = unsaved(cx).filter(|_| cx.screen.tour.is_none()) {
+        } else if let Some(lost) = unsaved(cx) {
             cx.screen.open(lists::quit_choices(lost, self.next_file().display()));
         } else {
             self.is_done = true;

@@ -189,7 +189,7 @@ const ROWS: &[ScreenTest] = &[
         List,
         LARGE,
         "D",
-        &["keep 1 file?", "y keep", "d delete", "the report stays"],
+        &["delete 1 file?", "n keep", "d delete", "the report stays"],
         &["type to search"],
     ),
     (List, SMALL, "?", &["mark the selected run", "...  m"], &[]),
