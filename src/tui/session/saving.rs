@@ -56,6 +56,8 @@ pub struct Saver {
     was_training: bool,
     /// Whether there was an internal error.
     pub has_failed: bool,
+    /// Whether the run has been saved here, and was not only loaded.
+    has_saved: bool,
     /// Whether failures and quitting offer to save: not in a comparison, which has its own question.
     pub offers: bool,
 }
@@ -79,6 +81,7 @@ impl Saver {
             then: None,
             was_training: false,
             has_failed: false,
+            has_saved: false,
             offers: true,
         }
     }
@@ -198,6 +201,7 @@ impl Saver {
             && before.saved.as_ref().is_none_or(|(_, earlier)| !Arc::ptr_eq(earlier, path))
         {
             self.to = SaveTo::Replace(path.to_path_buf());
+            self.has_saved = now.generation == before.generation;
             // Edits that came later are not in it.
             if let (Some((_, Some(map))), Some(maze)) = (self.awaited.take(), cx.scene.maze_mut()) {
                 maze.kept_map = map;
@@ -342,7 +346,8 @@ impl Session {
             let autosaves = std::mem::take(&mut snapshot.autosaves);
             autosaves.iter().for_each(|(_, path)| train::remove_own(path));
         }
-        let files = about_files(&snapshot, tells_lost);
+        let is_loaded = !saver.has_saved && snapshot.saved == shown.saved;
+        let files = about_files(&snapshot, tells_lost, is_loaded);
         let own = snapshot.saved.iter().map(|(_, path)| path.to_path_buf());
         let all = own.chain(snapshot.autosaves.iter().map(|(_, path)| path.clone()));
         let newest = newest_first(all).into_iter().next();
@@ -374,12 +379,16 @@ fn save_last(
 }
 
 /// Says which files there are, a line each, and how much is in none of them.
-pub fn about_files(snapshot: &Snapshot, tells_lost: bool) -> String {
+pub fn about_files(snapshot: &Snapshot, tells_lost: bool, is_loaded: bool) -> String {
     let mut text = String::new();
     let at = |updates| grouped(snapshot.learned(updates));
     if let Some((updates, path)) = &snapshot.saved {
-        let last = if snapshot.unsaved_updates() > 0 { "last " } else { "" };
-        text += &format!("\n{last}saved {} at update {}", path.display(), at(*updates));
+        let done = match snapshot.unsaved_updates() {
+            0 if is_loaded => "unchanged",
+            0 => "saved",
+            _ => "last saved",
+        };
+        text += &format!("\n{done} {} at update {}", path.display(), at(*updates));
     }
     for (updates, path) in snapshot.autosaves.iter() {
         text += &format!("\nautosaved {} at update {}", path.display(), at(*updates));

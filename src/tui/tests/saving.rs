@@ -400,8 +400,14 @@ fn closing_says_what_is_saved_and_what_is_not() {
     snapshot.saved = Some((6_000, Arc::new("own".into())));
     snapshot.autosaves = Arc::new(vec![(8_000, "own-auto".into())]);
     let said = "\nlast saved own at update 6,000\nautosaved own-auto at update 8,000";
-    assert_eq!(about_files(&snapshot, false), said);
-    assert_eq!(about_files(&snapshot, true), format!("{said}\nnot saved: the last 2,000 updates"));
+    assert_eq!(about_files(&snapshot, false, false), said);
+    assert_eq!(
+        about_files(&snapshot, true, true),
+        format!("{said}\nnot saved: the last 2,000 updates")
+    );
+    snapshot.counters.updates = 6_000;
+    snapshot.autosaves = Arc::default();
+    assert_eq!(about_files(&snapshot, false, true), "\nunchanged own at update 6,000");
 }
 
 #[test]
