@@ -342,8 +342,10 @@ impl Comparison {
         let Session { cx, .. } = &self.sessions[0];
         let fields = Field::ALL.into_iter().filter(|field| self.both_have(*field));
         let modes = [self.mode(), Mode::EditingBoth];
-        let fields = fields.map(lists::field_item);
-        let help = lists::help_in(&modes, &cx.screen, &cx.scene, &introduction, fields);
+        // There is no room for a pane with the legend.
+        let signs = legend::lines(&*cx.scene, &cx.screen);
+        let more = fields.map(lists::field_item).chain(signs.iter().map(lists::sign_item));
+        let help = lists::help_in(&modes, &cx.screen, &cx.scene, &introduction, more);
         self.sessions[0].open(help);
     }
 

@@ -4,6 +4,8 @@ use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use ratatui::text::Line;
+
 use super::dialog::{Choice, Item, Picker};
 use crate::experiment::saved_runs::{COLUMNS, RunCells, SavedRun, WRITTEN, name};
 use crate::process::logging;
@@ -138,6 +140,11 @@ pub fn field_item(field: Field) -> Item {
     .within("colours")
 }
 
+pub fn sign_item(line: &Line) -> Item {
+    let words = "legend signs".to_owned();
+    Item { words, ..Item::new(line.to_string(), "", Choice::Nothing) }.within("legend")
+}
+
 pub fn themes(now: ThemeName) -> Picker {
     let items = ThemeName::ALL
         .map(|name| Item::new(name.name(), name.about(), Choice::Theme(name)))
@@ -221,7 +228,9 @@ fn setting_item(setting: &Setting, now: &str, default: &str, screen: &Screen) ->
     let idle = if is_idle { format!("unused by {method}: ") } else { String::new() };
     let below = about_setting(setting, &format!("Now {now}; {default} by default{of}"));
     let (detail, choice) = (valued(now, &(idle + about)), Choice::Setting((*name).to_owned()));
-    Item { below, ..Item::new(*name, detail, choice).within(setting.heading()) }
+    // As researchers abbreviate: lr.
+    let words = name.split('_').filter_map(|word| word.chars().next()).collect();
+    Item { below, words, ..Item::new(*name, detail, choice).within(setting.heading()) }
 }
 
 pub fn exports(kinds: &[ExportKind], noun: &str) -> Picker {

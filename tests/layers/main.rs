@@ -40,7 +40,7 @@ const PROGRAM: [Room; 8] = [
     ("figure", 855),
     ("headless", 966),
     ("experiment", 5_693),
-    ("tui", 19_299),
+    ("tui", 19_327),
     ("cli", 601),
     ("commands", 1_003),
 ];

@@ -164,6 +164,8 @@ const ROWS: &[ScreenTest] = &[
     // Comparisons.
     (Both, LARGE, "", &["s save  ? help", "A gdg-bridge", "B gdg", "arrived 4 steps"], &[]),
     (Both, LARGE, "?races", &["in comparisons, races from one start"], &[]),
+    (New, SMALL, "olr", &["learning_rate"], &["n_step"]),
+    (Both, LARGE, "?legend", &["bridge candidates", "start of @"], &["nothing fits"]),
     (Both, LARGE, "o", &["not in a comparison"], &[]),
     (Both, SMALL, "[", &["no film yet"], &[]),
     (Both, SMALL, "e", &["EDIT", "save map"], &[]),
