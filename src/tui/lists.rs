@@ -228,7 +228,7 @@ fn setting_item(setting: &Setting, now: &str, default: &str, screen: &Screen) ->
     let idle = if is_idle { format!("unused by {method}: ") } else { String::new() };
     let below = about_setting(setting, &format!("Now {now}; {default} by default{of}"));
     let (detail, choice) = (valued(now, &(idle + about)), Choice::Setting((*name).to_owned()));
-    // As researchers abbreviate: lr.
+    // Their initials find them, too: lr.
     let words = name.split('_').filter_map(|word| word.chars().next()).collect();
     Item { below, words, ..Item::new(*name, detail, choice).within(setting.heading()) }
 }
@@ -251,7 +251,7 @@ pub fn quit_choices(lost: String, files: impl Display) -> Picker {
     ask("save before quitting?", [save, quit])
 }
 
-/// Asks whether to keep files; nothing is lost unless they are deleted.
+/// Asks whether to delete files; nothing is lost unless that is chosen.
 pub fn deletion(what: &str, names: String) -> Picker {
     let keep = Item::new("keep", "", Choice::Nothing).on('n');
     let delete = Choice::Act(Action::List(ListAction::Delete));

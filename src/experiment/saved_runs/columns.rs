@@ -1,4 +1,4 @@
-//! The columns of a list of runs, printed as a table or shown on the screen, and what tells its runs apart.
+//! Columns for listing runs, in a printed table or on the screen, and what tells runs apart.
 
 use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
@@ -36,7 +36,7 @@ pub const COLUMNS: [RunColumn; 10] = [
         |run| run.written.and_then(ago).unwrap_or_else(|| "-".to_owned()),
         |run| run.written?.duration_since(UNIX_EPOCH).ok().map(|since| since.as_secs_f64()),
     ),
-    // In a list, those in which its runs differ, and what tells files apart.
+    // Lists show only the settings that differ, and only as much of a path as tells files apart.
     text("settings", |run| sanitized(&run.settings.join(" "))),
     text("file", |run| name(&run.source)),
 ];
@@ -90,7 +90,7 @@ impl RunColumn {
         if reversed { order.reverse() } else { order }
     }
 
-    /// Returns a text of this column in so many columns of the screen.
+    /// Cuts or pads `text` to `width` columns of the screen.
     pub fn fitted(&self, text: &str, width: usize) -> String {
         let fit = if self.name == COLUMNS[FILE].name { fitted_file } else { fitted };
         let (text, gap) = (fit(text, width), |text: &str| width - display_width(text));

@@ -274,7 +274,7 @@ fn editing(screen: &Screen, editor: &Editor, width: u16) -> ClickableLine {
     { options }.find(fits).unwrap_or_else(|| line(own, &[done]))
 }
 
-/// Returns keys after the name of what they belong to, and a text if there is room.
+/// Returns a bar: the name of what is on top, its keys, and a text if there is room.
 fn named_keys(
     screen: &Screen,
     name: &str,
@@ -300,11 +300,11 @@ fn named_keys(
     bar
 }
 
-fn key(bar: &mut ClickableLine, keymap: &Keymap, action: Action, label: &str, style: Style) {
+/// Adds the key of an action, and what it does.
+pub fn key(bar: &mut ClickableLine, keymap: &Keymap, action: Action, label: &str, style: Style) {
     push_key(bar, &keymap.key_of(action), label, style, Click::Act(action));
 }
 
-/// Adds a key, or a button, and what it does.
 pub fn push_key(bar: &mut ClickableLine, key: &str, label: &str, style: Style, click: Click) {
     bar.push(Span::styled(format!(" {key}"), BOLD), click);
     bar.push(Span::styled(label.to_owned(), style), click);

@@ -7,10 +7,10 @@ use ratatui::text::Line;
 use ratatui::widgets::{Block, Padding, Paragraph};
 
 use super::ScreenPainter;
-use super::bars::push_key;
+use super::bars::key;
 use crate::tui::action::Action;
 use crate::tui::characters::{put, put_letter};
-use crate::tui::layout::{Click, ClickableLine};
+use crate::tui::layout::ClickableLine;
 use crate::tui::pane_text::wrapped;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{BOLD, ColourDepth, REVERSED};
@@ -55,8 +55,7 @@ pub fn draw(page: &mut ScreenPainter, area: Rect) {
     let mut keys = ClickableLine::default();
     let next = if tour.is_last { "done" } else { "next" };
     for (action, label) in [(Action::NextTourStep, next), (Action::EndTour, "end")] {
-        let [key, label] = [screen.keymap.key_of(action), format!(" {label} ")];
-        push_key(&mut keys, &key, &label, Style::new(), Click::Act(action));
+        key(&mut keys, &screen.keymap, action, &format!(" {label} "), Style::new());
     }
     let width = (keys.width() as u16).min(area.width.saturating_sub(2));
     let bar = Rect { x: area.right() - 1 - width, y: area.bottom() - 1, width, height: 1 };

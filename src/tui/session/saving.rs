@@ -254,7 +254,7 @@ impl Saver {
         }
     }
 
-    /// Has whatever is unsaved saved on closing, as after a signal, which cannot ask.
+    /// Makes closing save whatever is unsaved, as after a signal, which cannot ask.
     pub fn save_on_closing(&mut self, cx: &Cx) {
         if is_unsaved(cx) && self.named.is_none() {
             self.named = Some(self.to.path().to_owned());

@@ -109,7 +109,8 @@ fn the_interface_goes_on_while_a_map_is_read() {
     app.reading = Some(Running::start("reading", Job::new("reading large.map"), read));
     tick_until(&mut app, |app| app.screen.log.notice().is_some());
     tick_until(&mut app, |app| {
-        app.screen.log.notice().is_some_and(|notice| notice.text.ends_with(" s, 25 %"))
+        let text = app.screen.log.notice().map_or("", |notice| notice.text);
+        text.starts_with("reading large.map ... ") && text.ends_with(" s, 25 %")
     });
     press(&mut app, KeyCode::Char('?'));
     assert_eq!(app.screen.dialogs.len(), 1, "keys work");

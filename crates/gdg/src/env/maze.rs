@@ -466,7 +466,7 @@ impl Editable for PointMaze {
             may_lengthen: walled > 0,
             region,
             summary: match (walled as u64, opened as u64) {
-                // Then these have.
+                // Only starts or goals changed.
                 (0, 0) => [(self.map.starts(), "start"), (self.map.goals(), "goal")]
                     .map(|(cells, what)| counted(cells.len() as u64, what))
                     .join(", "),
